@@ -1,0 +1,55 @@
+# `make run` flies the paper's square, `make test` passes the tests; both build .venv first.
+.DEFAULT_GOAL := help
+.PHONY: help env run test test-all lint types paper bench validate soak lock clean
+
+BIN := .venv/bin
+PYTEST_ARGS ?=
+
+help:
+	@echo 'make run       the paper'\''s square with fls_tip: nodes, bag, metrics, pictures'
+	@echo 'make test      format, lint, types and tests'
+	@echo 'make test-all  the same with the slow tests'
+	@echo 'make paper     the paper'\''s ten cases, and its claims one by one'
+	@echo 'make bench     speed of the loop and of the nodes'
+	@echo 'make validate  the models against theory and reference solutions'
+	@echo 'make soak      a long run under load'
+	@echo 'make env       .venv only (the others call it)'
+	@echo 'make lock      new versions into constraints.txt'
+
+env:
+	@scripts/env.sh
+
+run: env
+	@$(BIN)/flexarm run config/fls_tip.yaml
+
+lint: env
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+types: env
+	$(BIN)/mypy
+
+test: lint types
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+test-all: lint types
+	$(BIN)/python -m pytest -m 'slow or not slow' $(PYTEST_ARGS)
+
+paper: env
+	@$(BIN)/flexarm suite config/paper.yaml
+
+bench: env
+	@$(BIN)/python -m bench
+
+validate: env
+	@$(BIN)/flexarm validate
+
+soak: env
+	@$(BIN)/flexarm soak
+
+lock:
+	@scripts/lock.sh
+
+clean:
+	rm -rf .venv build dist install log .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	find flexarm_ros test -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,37 @@
+#!/bin/sh
+# Write constraints.txt anew: every version of every dependency, for Python 3.10 to 3.13.
+# For maintainers, when versions are to move; `make test` on all four Pythons afterwards.
+set -eu
+cd -- "$(dirname -- "$0")/.."
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+python3 -m venv "$work/venv"
+"$work/venv/bin/pip" install --quiet --disable-pip-version-check uv
+cp setup.py "$work/"
+cat >"$work/pyproject.toml" <<'END'
+[tool.uv]
+environments = ["sys_platform == 'linux' and platform_machine == 'x86_64' and implementation_name == 'cpython' and python_full_version < '3.14'"]
+END
+# Below 80 setuptools still has the commands that `colcon build --symlink-install` calls.
+printf 'setuptools>=68,<80\nwheel\n' >"$work/build.in"
+
+(
+    cd "$work"
+    venv/bin/uv --quiet pip compile --universal --python-version 3.10 --all-extras \
+        --no-header --no-annotate setup.py build.in -o lock.txt
+)
+{
+    cat <<'END'
+# Every version that `make env` installs, for CPython 3.10 to 3.13 on x86_64 Linux.
+# Written by scripts/lock.sh from setup.py; not edited by hand.
+END
+    # The platform is the same for every line; only what tells the Pythons apart is kept.
+    sed -E \
+        -e "s/ and (implementation_name == 'cpython'|platform_machine == 'x86_64'|sys_platform == 'linux'|platform_python_implementation != 'PyPy')//g" \
+        -e "s/ ; python_full_version < '3.14'$//" \
+        -e "s/ and python_full_version < '3.14'//" \
+        -e "s/python_full_version (<|>=) '(3\.[0-9]+)'/python_version \1 '\2'/g" \
+        -e "s/python_full_version == '(3\.[0-9]+)\.\*'/python_version == '\1'/" \
+        "$work/lock.txt"
+} >constraints.txt

@@ -1,0 +1,85 @@
+"""Install flexarm_ros: by pip with or without an ament index around it, and by colcon."""
+
+import os
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "flexarm_ros"
+ROOT = Path(__file__).resolve().parent
+os.chdir(ROOT)
+
+
+def files(pattern):
+    """Return the files that match below the root, sorted, as paths relative to it."""
+    found = (path for path in ROOT.glob(pattern) if path.is_file())
+    return sorted(str(path.relative_to(ROOT)) for path in found if path.suffix != ".pyc")
+
+
+def package_files():
+    """Return the files inside the package that are not Python, relative to the package."""
+    found = files(f"{PACKAGE}/py.typed") + files(f"{PACKAGE}/**/assets/**/*")
+    return [str(Path(name).relative_to(PACKAGE)) for name in found]
+
+
+def shared_files():
+    """Return ``data_files``: what ROS 2 tools look for outside the Python package."""
+    share = f"share/{PACKAGE}"
+    groups = [
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (share, ["package.xml"]),
+        (f"{share}/config", files("config/*")),
+        (f"{share}/launch", files("launch/*.py")),
+        # The executables that `ros2 run` lists. They are data files rather than console scripts
+        # because pip puts console scripts into bin only, and `ros2 run` does not look there.
+        (f"lib/{PACKAGE}", files(f"lib/{PACKAGE}/*")),
+    ]
+    return [(directory, names) for directory, names in groups if names]
+
+
+REQUIREMENTS = [
+    "PyYAML",
+    "lz4",
+    "matplotlib>=3.5",
+    "mcap",
+    "mcap-ros2-support",
+    "networkx",  # imported by skfuzzy.control
+    "numba>=0.57",
+    "numpy>=1.22",
+    "rich",
+    "rosbags>=0.10",
+    "scikit-fuzzy>=0.5",
+    "scipy>=1.8",
+    "zstandard",
+]
+
+EXTRAS = {
+    # rclpy and the messages as wheels, for a machine without a ROS 2 install.
+    "ros": ["ros-rclpy[fastrtps]>=7.1", "ros-common-interfaces"],
+    "dev": ["hypothesis", "mypy", "pytest", "ruff", "types-PyYAML"],
+    "dask": ["distributed"],
+    "parquet": ["pyarrow"],
+    "colcon": ["colcon-common-extensions"],
+}
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="A two-link flexible arm as ROS 2 nodes in lock-step: plant, sensors, control.",
+    long_description=(ROOT / "README.md").read_text("utf-8")
+    if (ROOT / "README.md").is_file()
+    else "",
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    maintainer="The flexarm_ros maintainers",
+    maintainer_email="maintainers@example.org",
+    keywords=["ROS", "control", "flexible manipulator", "simulation"],
+    python_requires=">=3.10",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={PACKAGE: package_files()},
+    data_files=shared_files(),
+    install_requires=REQUIREMENTS,
+    extras_require=EXTRAS,
+    entry_points={"console_scripts": ["flexarm = flexarm_ros.cli:main"]},
+    zip_safe=False,
+)

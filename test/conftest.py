@@ -1,0 +1,84 @@
+"""Fixtures for every test: domains of their own, and no process left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import hypothesis
+import pytest
+
+MARK = "FLEXARM_TEST_SESSION"
+SESSION = uuid.uuid4().hex
+
+# The same examples every time; `HYPOTHESIS_PROFILE=explore` draws new ones.
+hypothesis.settings.register_profile("fixed", derandomize=True, deadline=None)
+hypothesis.settings.register_profile("explore", deadline=None, max_examples=1000)
+hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What every test and every process that it starts sees."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(MARK, SESSION)
+        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        patch.setenv("MPLBACKEND", "Agg")
+        patch.delenv("ROS_DOMAIN_ID", raising=False)
+        yield
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Reserve a ROS_DOMAIN_ID for this test, in its environment too, and see that all ends."""
+    from flexarm_ros.launcher.domains import reserved_domain
+
+    with reserved_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        yield domain
+    expect_no_leftovers()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_leftovers() -> Iterator[None]:
+    """Fail the module that leaves a process running."""
+    yield
+    expect_no_leftovers()
+
+
+def expect_no_leftovers() -> None:
+    """End the processes that the tests have started and that still run; fail if there are any."""
+    left = leftovers()
+    for pid in left:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    assert not left, "left running: " + "; ".join(f"{pid} {line}" for pid, line in left.items())
+
+
+def leftovers() -> dict[int, str]:
+    """Return ``{pid: command line}`` of the living processes that carry this session's mark.
+
+    The mark is inherited, so that orphans are found too; pytest itself has it in `os.environ` only,
+    which does not show in ``/proc``.
+    """
+    wanted = f"{MARK}={SESSION}".encode()
+    found = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if wanted not in (process / "environ").read_bytes().split(b"\0"):
+                continue
+            state = (process / "stat").read_text().rpartition(")")[2].split()[0]
+            line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        except OSError:
+            continue  # it has ended, or is somebody else's
+        # Python's resource tracker, once started, stays as long as pytest does.
+        if "multiprocessing.resource_tracker" in line:
+            continue
+        if state not in "ZX" and int(process.name) != os.getpid():
+            found[int(process.name)] = line.strip()
+    return found
