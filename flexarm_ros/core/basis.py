@@ -1,0 +1,185 @@
+"""Shape functions of a flexible link.
+
+Everything here is dimensionless: a link is 0 <= xi <= 1, its deflection is
+w = sum_i phi_i(xi) a_i.  All shapes satisfy phi(0) = phi'(0) = 0, the tangent
+at the link's own start being the axis that the joint angle turns.
+
+Three families of functions, from which ``plant.basis`` is built:
+
+``clamped_free``
+    The modes of a cantilever, (6) to (9) of the paper.  Each has
+    phi''(1) = phi'''(1) = 0, so that no sum of them carries the moment or the
+    force of a further link: convergence is of order 1/N there.
+``craig_bampton``
+    The static deflections under an end force and an end moment (the cubics),
+    then the modes of the link with both ends clamped: Craig and Bampton (AIAA
+    Journal 6, 1968) with the link's two ends as the interface.  With one
+    function a link it is the end force's deflection alone.
+``polynomial``
+    Curvatures are the Legendre polynomials, orthonormal: a complete set that
+    converges exponentially, of which :mod:`flexarm_ros.core.basis_arm` makes
+    the few functions of ``arm_modes``.
+
+The functions chosen are then combined so that they are orthogonal in mass and
+in stiffness over the bare link, which makes the matrices well conditioned and
+gives modal damping a meaning: coordinate i is the link's i-th (approximate)
+cantilever mode.  Scale: the integral of phi_i^2 over xi is 1/4 and
+phi_i(1) > 0, with which an exact cantilever mode has phi_i(1) = 1, its
+coordinate then being its share of the end deflection in metres.
+
+The arithmetic is plain loops and ``einsum`` (no BLAS or LAPACK): two processes
+must arrive at the same last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from flexarm_ros.core.beam import clamped_free_root
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.small_linalg import inverse_factor, symmetric_eigen
+
+PANELS = 32
+"""Panels of the composite five-point Gauss rule: exact to rounding for all shapes used."""
+
+
+def clamped_clamped_root(index: int) -> float:
+    """Return root number ``index`` (from 0) of cos(z) cosh(z) = 1, z = 4.7300, 7.8532, ..."""
+    z = (index + 1.5) * math.pi
+    for _ in range(50):
+        sech = 1.0 / math.cosh(z)
+        step = (math.cos(z) - sech) / (math.sin(z) - sech * math.tanh(z))
+        z += step
+        if abs(step) <= 1e-15 * z:
+            break
+    return z
+
+
+def _beam_shape(root: float, rest: float, xi: FloatArray, order: int) -> FloatArray:
+    """Return d^order of cosh z - cos z - (1 - rest) (sinh z - sin z), z = root xi.
+
+    Written with exp(-z) and a closed form of ``rest``: the textbook form loses
+    all its digits near the end of the higher modes.
+    """
+    z = root * xi
+    k = 1.0 - rest
+    sign = -1.0 if order % 2 else 1.0
+    growing = np.cosh(z) if order % 2 else np.sinh(z)
+    circular = (
+        -np.cos(z) + k * np.sin(z),
+        np.sin(z) + k * np.cos(z),
+        np.cos(z) - k * np.sin(z),
+    )[order]
+    shape: FloatArray = root**order * (sign * np.exp(-z) + rest * growing + circular)
+    return shape
+
+
+def _clamped_free(index: int, xi: FloatArray, order: int) -> FloatArray:
+    z = clamped_free_root(index)
+    rest = (math.sin(z) - math.cos(z) - math.exp(-z)) / (math.sin(z) + math.sinh(z))
+    return _beam_shape(z, rest, xi, order)
+
+
+def _craig_bampton(index: int, xi: FloatArray, order: int) -> FloatArray:
+    if index == 0:  # end force
+        return (0.5 * xi**2 * (3.0 - xi), 0.5 * xi * (6.0 - 3.0 * xi), 3.0 - 3.0 * xi)[order]
+    if index == 1:  # end moment
+        return (xi**2, 2.0 * xi, 2.0 + 0.0 * xi)[order]
+    z = clamped_clamped_root(index - 2)
+    rest = (math.cos(z) - math.sin(z) - math.exp(-z)) / (math.sinh(z) - math.sin(z))
+    return _beam_shape(z, rest, xi, order)
+
+
+def _polynomial(index: int, xi: FloatArray, order: int) -> FloatArray:
+    """Return what has the curvature sqrt(2 i + 1) P_i(2 xi - 1)."""
+    series: FloatArray = np.zeros(index + 1)
+    series[index] = math.sqrt(2.0 * index + 1.0)
+    if order < 2:
+        series = np.asarray(legendre.legint(series, m=2 - order, lbnd=-1.0, scl=0.5))
+    return np.asarray(legendre.legval(2.0 * xi - 1.0, series))
+
+
+_FAMILIES = {
+    "clamped_free": _clamped_free,
+    "craig_bampton": _craig_bampton,
+    "polynomial": _polynomial,
+}
+
+
+def family(name: str, count: int, xi: FloatArray, order: int) -> FloatArray:
+    """Return the first ``count`` functions of a family at ``xi``, shape ``(count, points)``."""
+    return np.array([_FAMILIES[name](i, xi, order) for i in range(count)])
+
+
+@dataclass(frozen=True)
+class Basis:
+    """N orthogonal shape functions on 0 <= xi <= 1, made of those of ``family``.
+
+    ``mixing`` has shape ``(N, R)``: shape i = sum_j mixing[i, j] function_j.
+    ``stiffness`` has shape ``(N,)``: the integrals of phi_i''^2; the
+    dimensionless frequency of coordinate i alone is sqrt(4 stiffness_i).
+    """
+
+    family: str
+    mixing: FloatArray
+    stiffness: FloatArray
+
+    def shape(self, xi: FloatArray | float, order: int = 0) -> FloatArray:
+        """Return d^order phi / d xi^order, shape ``(N, points)``; order 0, 1 or 2."""
+        points = np.atleast_1d(np.asarray(xi, dtype=float))
+        raw = family(self.family, self.mixing.shape[1], points, order)
+        return np.asarray(np.einsum("ij,jq->iq", self.mixing, raw))
+
+    def shortening(self, xi: float) -> FloatArray:
+        """Return the integral from 0 to xi of phi_i' phi_j', shape ``(N, N)``."""
+        nodes, weights = composite_rule()
+        slopes = self.shape(xi * nodes, 1)
+        return np.asarray(xi * np.einsum("q,iq,jq->ij", weights, slopes, slopes))
+
+
+def gauss5() -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of the five-point Gauss rule on (0, 1), in closed form."""
+    inner = math.sqrt(5.0 - 2.0 * math.sqrt(10.0 / 7.0)) / 3.0
+    outer = math.sqrt(5.0 + 2.0 * math.sqrt(10.0 / 7.0)) / 3.0
+    w_inner = (322.0 + 13.0 * math.sqrt(70.0)) / 900.0
+    w_outer = (322.0 - 13.0 * math.sqrt(70.0)) / 900.0
+    nodes = np.array([-outer, -inner, 0.0, inner, outer])
+    weights = np.array([w_outer, w_inner, 128.0 / 225.0, w_inner, w_outer])
+    return 0.5 * (nodes + 1.0), 0.5 * weights
+
+
+@lru_cache
+def composite_rule() -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of the composite rule on (0, 1)."""
+    nodes, weights = gauss5()
+    starts = np.arange(PANELS)[:, None]
+    return ((starts + nodes) / PANELS).ravel(), np.tile(weights / PANELS, PANELS)
+
+
+def identity(size: int) -> FloatArray:
+    """Return the unit matrix."""
+    return np.array([[float(i == j) for j in range(size)] for i in range(size)])
+
+
+def orthogonal_basis(name: str, combinations: FloatArray) -> Basis:
+    """Return the basis that spans the given combinations ``(N, R)`` of a family's functions."""
+    nodes, weights = composite_rule()
+    shapes = family(name, combinations.shape[1], nodes, 0)
+    curvatures = family(name, combinations.shape[1], nodes, 2)
+    mixing, values = combinations, np.zeros(len(combinations))
+    for _ in range(2):  # the second pass removes what the first one's rounding left
+        current = np.einsum("ij,jq->iq", mixing, shapes)
+        bent = np.einsum("ij,jq->iq", mixing, curvatures)
+        inverse = inverse_factor(np.einsum("q,iq,jq->ij", weights, current, current))
+        stiffness = np.einsum("q,iq,jq->ij", weights, bent, bent)
+        reduced = np.einsum("ik,kl,jl->ij", inverse, stiffness, inverse)
+        values, vectors = symmetric_eigen(0.5 * (reduced + reduced.T))
+        mixing = 0.5 * np.einsum("ki,kl,lj->ij", vectors, inverse, mixing)
+    ends = np.einsum("ij,jq->iq", mixing, family(name, mixing.shape[1], np.ones(1), 0))[:, 0]
+    mixing = mixing * np.where(ends < 0.0, -1.0, 1.0)[:, None]
+    return Basis(name, mixing, 0.25 * values)

@@ -1,0 +1,184 @@
+"""``arm_modes``: the N shape functions a link that serve this arm's own modes best.
+
+The first modes of the arm (N, at least four) are computed with a fine polynomial basis, at
+elbow angles from straight to folded and with the joints locked, free and one
+of each: what a link is asked to bend into, whatever the motion.  Of these
+shapes, scaled to unit strain energy, N functions a link are kept by principal
+components in the energy norm.  For a mode of which the kept functions miss a
+fraction r of the strain energy, the frequency is about r / 2 too high
+(Rayleigh-Ritz): this is a fit of the frequencies themselves.
+
+With four functions or more the modes' weights, 1 / sqrt(omega) at first, are
+multiplied by r and the fit repeated, after Lawson's algorithm for fits in high
+norms: the largest errors come down at the cost of the smallest.  One mode more
+is there at a tenth of the weight, without which the last function serves
+nothing else.  With fewer than four, which cannot serve all, each mode is
+weighted by its flexibility 1 / omega^2, in favour of the lowest.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm_ros.core.basis import Basis, identity, orthogonal_basis
+from flexarm_ros.core.basis_integrals import linear_integrals
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.small_linalg import symmetric_eigen
+
+FINE = 12
+"""Polynomials a link in which the arm's modes are computed: the first four to 1e-6."""
+
+SERVED = 4
+"""Least number of modes, for each pose and joint condition, that the functions are fitted to."""
+
+NEXT_WEIGHT = 0.1
+"""Weight of the first mode beyond these."""
+
+_POSES = 5
+_ROUNDS = 20
+
+
+class Arm(NamedTuple):
+    """What the arm's modes depend on, hashable; as in ``PlantParameters``."""
+
+    modes: int
+    length: tuple[float, float]
+    mass_density: tuple[float, float]
+    flexural_rigidity: tuple[float, float]
+    hub_inertia: tuple[float, float]
+    end_mass: tuple[float, float]
+    end_inertia: tuple[float, float]
+
+
+def arm_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
+    """Return the bases of link 1 and link 2, ``plant.modes`` functions each."""
+    pairs = (plant.length, plant.mass_density, plant.flexural_rigidity, plant.hub_inertia)
+    length, density, rigidity, hub = ((float(p[0]), float(p[1])) for p in pairs)
+    masses = (plant.link_end_mass, plant.payload_mass)
+    inertias = (plant.link_end_inertia, plant.payload_inertia)
+    return _bases(Arm(plant.modes, length, density, rigidity, hub, masses, inertias))
+
+
+@lru_cache(maxsize=64)
+def _bases(arm: Arm) -> tuple[Basis, Basis]:
+    shapes, squares = _mode_shapes(arm)
+    even = arm.modes >= SERVED
+    start = np.sqrt(np.sqrt(1.0 / squares)) if even else 1.0 / squares
+    start[max(SERVED, arm.modes) :: max(SERVED, arm.modes) + 1] *= NEXT_WEIGHT
+    weights = start
+    kept = [_principal(part, weights, arm.modes) for part in shapes]
+    for _ in range(_ROUNDS if even else 0):
+        misfit = _misfit(shapes[0], kept[0]) + _misfit(shapes[1], kept[1])
+        relative = np.maximum(misfit * (len(misfit) / _total(misfit)), 1e-3)
+        # The geometric mean of the old and the new weight: the plain rule swings.
+        weights = np.sqrt(weights * start * relative)
+        weights = weights * (len(weights) / _total(weights))
+        kept = [_principal(part, weights, arm.modes) for part in shapes]
+    first, second = (orthogonal_basis("polynomial", part) for part in kept)
+    return first, second
+
+
+def _total(values: FloatArray) -> float:
+    return math.fsum(float(v) for v in values)
+
+
+def _principal(shapes: FloatArray, weights: FloatArray, count: int) -> FloatArray:
+    """Return the ``count`` strongest directions ``(count, FINE)`` of weighted rows."""
+    gram = np.einsum("s,si,sj->ij", weights, shapes, shapes)
+    _, vectors = symmetric_eigen(gram)
+    return np.ascontiguousarray(vectors[:, ::-1][:, :count].T)
+
+
+def _misfit(shapes: FloatArray, kept: FloatArray) -> FloatArray:
+    """Return the squared norm of each row of ``shapes`` outside the span of ``kept``."""
+    parts = np.einsum("si,ki->sk", shapes, kept)
+    rest = shapes - np.einsum("sk,ki->si", parts, kept)
+    return np.asarray(np.einsum("si,si->s", rest, rest))
+
+
+def _mode_shapes(arm: Arm) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """Return each link's part ``(modes, FINE)`` of the arm's modes, and omega^2 ``(modes,)``.
+
+    Coordinates are scaled so that the strain energy is half the sum of their
+    squares; free joints, which have no stiffness, are eliminated exactly.
+    """
+    pairs = zip(arm.flexural_rigidity, arm.length, strict=True)
+    scale = np.array([math.sqrt(rigidity / length**3) for rigidity, length in pairs])
+    inverse = np.concatenate([[1.0, 1.0], np.repeat(1.0 / scale, FINE)])
+    served = max(SERVED, arm.modes) + 1
+    rows: list[FloatArray] = []
+    squares: list[float] = []
+    for pose in range(_POSES):
+        mass = straight_mass(arm, math.pi * pose / (_POSES - 1))
+        mass = mass * np.multiply.outer(inverse, inverse)
+        for free in ((), (0,), (1,), (0, 1)):
+            values, vectors = symmetric_eigen(_without_joints(mass, free))
+            squares.extend(1.0 / values[::-1][:served])
+            rows.extend(vectors[:, ::-1][:, :served].T)
+    shapes = np.array(rows)
+    links = (np.ascontiguousarray(shapes[:, :FINE]), np.ascontiguousarray(shapes[:, FINE:]))
+    return links, np.array(squares)
+
+
+def _without_joints(mass: FloatArray, free: tuple[int, ...]) -> FloatArray:
+    """Return the elastic mass matrix with the ``free`` joints eliminated, the others locked."""
+    result = mass
+    for joint in free:
+        column = result[:, joint]
+        result = result - np.multiply.outer(column, column) / result[joint, joint]
+    return result[2:, 2:]
+
+
+@lru_cache
+def _fine_basis() -> Basis:
+    return Basis("polynomial", identity(FINE), np.ones(FINE))
+
+
+def straight_mass(arm: Arm, theta2: float) -> FloatArray:
+    """Return M at zero deformation in the fine basis, shape ``(2 + 2 FINE,) * 2``.
+
+    Each velocity below is a row over the rates of (theta1, theta2, a, b): the
+    turning of link 2, its start's velocity along and across link 2.
+    """
+    integral = linear_integrals(_fine_basis())
+    size = 2 + 2 * FINE
+    first, second = slice(2, 2 + FINE), slice(2 + FINE, size)
+    turns = np.zeros((2, size))
+    turns[0, 0] = turns[1, 0] = turns[1, 1] = 1.0
+    turns[1, first] = integral.end_slope / arm.length[0]
+    start = np.zeros(size)
+    start[0], start[first] = arm.length[0], integral.end
+    mass = np.zeros((size, size))
+    mass[0, 0], mass[1, 1] = arm.hub_inertia
+    for link, part in ((0, first), (1, second)):
+        along = start * math.sin(theta2) if link else 0.0 * start
+        across = start * math.cos(theta2) if link else 0.0 * start
+        length, total = arm.length[link], arm.mass_density[link] * arm.length[link]
+        shape, slope = np.zeros(size), turns[link].copy()
+        tip = across + length * turns[link]
+        tip[part] += integral.end
+        slope[part] += integral.end_slope / length
+        mass += total * (_square(along) + _square(across) + length**2 / 3.0 * _square(turns[link]))
+        mass += 0.5 * total * length * _cross(across, turns[link])
+        shape[part] = integral.mean
+        mass += total * _cross(across, shape)
+        shape[part] = integral.moment
+        mass += total * length * _cross(turns[link], shape)
+        mass[part, part] += total * integral.mass
+        mass += arm.end_mass[link] * (_square(along) + _square(tip))
+        mass += arm.end_inertia[link] * _square(slope)
+    return mass
+
+
+def _square(row: FloatArray) -> FloatArray:
+    return np.asarray(np.multiply.outer(row, row))
+
+
+def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
+    product = np.multiply.outer(first, second)
+    return np.asarray(product + product.T)

@@ -1,0 +1,90 @@
+"""The integrals of a link's shape functions that the full model needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm_ros.core.basis import PANELS, Basis, composite_rule, gauss5
+from flexarm_ros.core.compiled import FloatArray
+
+
+@dataclass(frozen=True)
+class LinearIntegrals:
+    """Integrals over xi for a link of unit length and mass; N shape functions.
+
+    ``mean`` (N,): of phi_i; ``moment`` (N,): of xi phi_i; ``mass`` (N, N): of
+    phi_i phi_j.  Values at the end, xi = 1: ``end``, ``end_slope`` (N,).
+    """
+
+    mean: FloatArray
+    moment: FloatArray
+    mass: FloatArray
+    end: FloatArray
+    end_slope: FloatArray
+
+
+@dataclass(frozen=True)
+class ShorteningIntegrals:
+    """Integrals of g_ij(xi) = int_0^xi phi_i' phi_j', for the same link.
+
+    The axial shortening of a link of length L is a^T g a / (2 L).
+
+    ``short`` (N, N): of g; ``short_moment`` (N, N): of xi g; ``cross``
+    (N, N, N): of phi_i g_jk; ``quartic`` (N, N, N, N): of g_ij g_kl;
+    ``end_short`` (N, N): g at xi = 1.
+    """
+
+    short: FloatArray
+    short_moment: FloatArray
+    cross: FloatArray
+    quartic: FloatArray
+    end_short: FloatArray
+
+
+def linear_integrals(basis: Basis) -> LinearIntegrals:
+    """Return the integrals of the shape functions, by the composite Gauss rule."""
+    nodes, weights = composite_rule()
+    phi = basis.shape(nodes)
+    return LinearIntegrals(
+        mean=np.einsum("q,iq->i", weights, phi),
+        moment=np.einsum("q,iq->i", weights * nodes, phi),
+        mass=np.einsum("q,iq,jq->ij", weights, phi, phi),
+        end=basis.shape(1.0)[:, 0],
+        end_slope=basis.shape(1.0, 1)[:, 0],
+    )
+
+
+def shortening_integrals(basis: Basis) -> ShorteningIntegrals:
+    """Return the integrals of the foreshortening, by the composite Gauss rule."""
+    nodes, weights = composite_rule()
+    phi = basis.shape(nodes)
+    g = _running_shortening(basis)
+    return ShorteningIntegrals(
+        short=np.einsum("q,qij->ij", weights, g),
+        short_moment=np.einsum("q,qij->ij", weights * nodes, g),
+        cross=np.einsum("q,iq,qjk->ijk", weights, phi, g),
+        quartic=np.einsum("q,qij,qkl->ijkl", weights, g, g),
+        end_short=basis.shortening(1.0),
+    )
+
+
+def _running_shortening(basis: Basis) -> FloatArray:
+    """Return g at every node of the composite rule, shape ``(nodes, N, N)``.
+
+    Up to each node: whole panels, then the rule once more from the panel's
+    start to the node.
+    """
+    nodes, weights = gauss5()
+    points, all_weights = composite_rule()
+    starts = np.repeat(np.arange(PANELS), len(nodes))
+    inside = np.tile(nodes, PANELS)
+    nested = (starts[:, None] + inside[:, None] * nodes) / PANELS
+    slopes = basis.shape(nested.ravel(), 1).reshape(-1, len(points), len(nodes))
+    part = np.einsum("p,q,ipq,jpq->pij", inside / PANELS, weights, slopes, slopes)
+    slopes = basis.shape(points, 1).reshape(-1, PANELS, len(nodes))
+    panel_weights = all_weights.reshape(PANELS, len(nodes))
+    whole = np.cumsum(np.einsum("pq,ipq,jpq->pij", panel_weights, slopes, slopes), axis=0)
+    before = np.concatenate([np.zeros_like(whole[:1]), whole[:-1]])
+    return np.asarray(part + np.repeat(before, len(nodes), axis=0))

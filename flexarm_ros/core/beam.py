@@ -1,0 +1,120 @@
+"""Clamped-free Euler-Bernoulli beam modes: equations (6) to (9) of the paper.
+
+The roots are those of the characteristic equation itself,
+cos(z) cosh(z) + 1 = 0 (1.8751, 4.6941, ...), not the paper's approximation
+(i - 0.5) pi, with which its own omega_c1 = 12.28 would be 8.62.
+
+Normalisation: shapes are as printed in (8) with A = 0.1.  So, for mode i from
+0, the end deflects by phi_i(L) = 2 A (-1)^i = +-0.2 a unit of its coordinate,
+and the integral of phi_i^2 over the link is A^2 L.  A is arbitrary: it scales
+the modal coordinates, and nothing that can be measured.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray
+
+AMPLITUDE = 0.1
+"""The constant A of (8)."""
+
+
+def clamped_free_root(index: int) -> float:
+    """Return root number ``index`` (from 0) of cos(z) cosh(z) + 1 = 0, z = lambda L.
+
+    Newton's method on cos(z) + 1 / cosh(z), which has the same roots and does
+    not grow with z, from the paper's approximation (0.597 pi for the first).
+    """
+    z = (index + 0.5) * math.pi if index else 1.875
+    for _ in range(50):
+        sech = 1.0 / math.cosh(z)
+        step = (math.cos(z) + sech) / (math.sin(z) + sech * math.tanh(z))
+        z += step
+        if abs(step) <= 1e-15 * z:
+            break
+    return z
+
+
+@dataclass(frozen=True)
+class ClampedFreeModes:
+    """The first ``count`` modes of a uniform link clamped at x = 0.
+
+    ``length`` in m, ``mass_density`` in kg/m, ``flexural_rigidity`` in N m^2.
+    All results are arrays of shape ``(count,)``, lowest mode first.
+    """
+
+    length: float
+    mass_density: float
+    flexural_rigidity: float
+    count: int
+
+    @property
+    def roots(self) -> FloatArray:
+        """lambda_i L, the roots of the characteristic equation."""
+        return np.array([clamped_free_root(i) for i in range(self.count)])
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """omega_ci in rad/s, equation (9)."""
+        scale = math.sqrt(self.flexural_rigidity / (self.mass_density * self.length**4))
+        return self.roots**2 * scale
+
+    @property
+    def ratios(self) -> FloatArray:
+        """k_ci of (8)."""
+        z = self.roots
+        return np.asarray((np.cos(z) + np.cosh(z)) / (np.sin(z) + np.sinh(z)))
+
+    def shape(self, x: float) -> FloatArray:
+        """phi_i(x) of (8), m a unit of the modal coordinate; x in m from the clamp."""
+        return self._derivative(x, 0)
+
+    def slope(self, x: float) -> FloatArray:
+        """phi_i'(x), rad a unit of the modal coordinate."""
+        return self._derivative(x, 1)
+
+    def curvature(self, x: float) -> FloatArray:
+        """phi_i''(x), 1/m a unit of the modal coordinate."""
+        return self._derivative(x, 2)
+
+    def _derivative(self, x: float, order: int) -> FloatArray:
+        # cosh - k sinh is written as exp(-z) + (1 - k) sinh(z), with 1 - k in a
+        # closed form: as printed, (8) cancels to noise near the end of a link.
+        root = self.roots
+        z = root * (x / self.length)
+        rest = (np.sin(root) - np.cos(root) - np.exp(-root)) / (np.sin(root) + np.sinh(root))
+        k = 1.0 - rest
+        if order % 2:
+            hyperbolic = -np.exp(-z) + rest * np.cosh(z)
+        else:
+            hyperbolic = np.exp(-z) + rest * np.sinh(z)
+        circular = {
+            0: -np.cos(z) + k * np.sin(z),
+            1: np.sin(z) + k * np.cos(z),
+            2: np.cos(z) - k * np.sin(z),
+        }[order]
+        return np.asarray(AMPLITUDE * (root / self.length) ** order * (hyperbolic + circular))
+
+    @property
+    def modal_mass(self) -> FloatArray:
+        """Integral of rho phi_i^2, kg: the modes are orthogonal, (12)."""
+        return np.full(self.count, self.mass_density * AMPLITUDE**2 * self.length)
+
+    @property
+    def modal_stiffness(self) -> FloatArray:
+        """Integral of EI phi_i''^2, N m: (13), with q where the paper prints its rate."""
+        return self.modal_mass * self.frequencies**2
+
+    @property
+    def first_moment(self) -> FloatArray:
+        """Integral of rho x phi_i, kg m.  From (6): rho phi_i''(0) / lambda_i^4."""
+        return 2.0 * AMPLITUDE * self.mass_density * (self.length / self.roots) ** 2
+
+    @property
+    def mean(self) -> FloatArray:
+        """Integral of rho phi_i, kg.  From (6): -rho phi_i'''(0) / lambda_i^4."""
+        return 2.0 * AMPLITUDE * self.mass_density * self.ratios * self.length / self.roots

@@ -1,0 +1,31 @@
+"""What must hold between the keys of a scenario for the core to take it."""
+
+from __future__ import annotations
+
+from flexarm_ros.core.control.open_loop import check_torques
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.plant import check_substeps
+from flexarm_ros.core.sensors import check_location, ticks_per_sample
+from flexarm_ros.core.timeline import Timeline, named_ns
+from flexarm_ros.core.trajectory import check_reachable, initial_angles
+
+
+def check(config: RunConfig) -> None:
+    """Raise ``ValueError``, naming the key, where the parts of ``config`` do not fit.
+
+    Each value is taken to be within its own :class:`Spec` already.
+    """
+    timeline = Timeline.of(config.run)
+    for key, seconds in (
+        ("encoder.latency", config.encoder.latency),
+        ("tip_sensor.latency", config.tip_sensor.latency),
+        ("trajectory.delay", config.trajectory.delay),
+    ):
+        named_ns(key, seconds)
+    check_location(config)
+    ticks_per_sample(config.tip_sensor.rate, timeline.period_ns)
+    check_reachable(config)
+    initial_angles(config)
+    if config.controller.law == "open_loop":
+        check_torques(config.torques)
+    check_substeps(config)

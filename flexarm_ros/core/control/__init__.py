@@ -1,0 +1,25 @@
+"""Control laws by name: ``controller.law`` of a scenario."""
+
+from __future__ import annotations
+
+import math
+
+from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.control.open_loop import OpenLoopLaw
+from flexarm_ros.core.control.pd import FlsLaw, PdLaw, fuzzy_gain
+from flexarm_ros.core.parameters import RunConfig
+
+LAWS: dict[str, type[Law]] = {"pd": PdLaw, "fls": FlsLaw, "open_loop": OpenLoopLaw}
+"""Name of a law -> its class."""
+
+__all__ = ["LAWS", "Law", "Sample", "gain_of", "make_law"]
+
+
+def make_law(config: RunConfig) -> Law:
+    """Return the law of ``config``; ``ValueError`` names a key that it cannot take."""
+    return LAWS[config.controller.law](config)
+
+
+def gain_of(config: RunConfig, delta1: float, delta2: float) -> float:
+    """Return the law's lambda for recorded end deflections, m; nan where it has none."""
+    return fuzzy_gain(config, delta1, delta2) if config.controller.law == "fls" else math.nan

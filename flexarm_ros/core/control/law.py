@@ -1,0 +1,44 @@
+"""What every control law is given and must give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from flexarm_ros.core.parameters import RunConfig
+
+
+class Sample(NamedTuple):
+    """All inputs of the controller at one tick.
+
+    ``q``, ``qd``: plant coordinates and rates of this tick, theta1, theta2 first
+    (rad, rad/s), undelayed.  ``deflection``: delta1, delta2 (m) of this tick.
+    ``encoder``: theta1, theta2, dtheta1, dtheta2 as delivered.  ``tip``: x, y,
+    vx, vy of the sensed point as delivered.  ``reference``: x, y, vx, vy of the
+    command as delivered (m, m/s, frame ``base``).
+    """
+
+    q: Sequence[float]
+    qd: Sequence[float]
+    deflection: tuple[float, float]
+    encoder: tuple[float, float, float, float]
+    tip: tuple[float, float, float, float]
+    reference: tuple[float, float, float, float]
+
+
+class Law:
+    """A control law: a function of the tick's sample, with a state of its own if need be.
+
+    ``config`` may be replaced between ticks by one with other live gains.
+    """
+
+    gain: float = math.nan
+    """The factor lambda of the last tick; nan where the law has none."""
+
+    def __init__(self, config: RunConfig) -> None:
+        self.config = config
+
+    def torque(self, k: int, sample: Sample) -> tuple[float, float]:
+        """Return tau1, tau2 (N m) for tick ``k``; called once a tick, in order."""
+        raise NotImplementedError

@@ -1,0 +1,154 @@
+"""Delay lines of exact, fractional length for a signal sampled once a tick.
+
+``buffer``: the output at tick k is the input at t_k - latency, linear between
+ticks; the latency is split into whole ticks and a remainder in integer
+nanoseconds, so that nothing is rounded.  Before the start the signal had its
+initial value.
+
+``pade2``: the second-order Pade approximation of exp(-s tau) that the paper
+puts there (its section 3),
+
+    H(s) = (1 - s tau / 2 + (s tau)^2 / 12) / (1 + s tau / 2 + (s tau)^2 / 12),
+
+exact for an input that is linear between ticks (ramp-invariant), from
+equilibrium at the initial value.  |H(jw)| = 1 at every frequency; its step
+response starts at +1, reverses, and settles: the approximation's own
+nonminimum phase, which a pure delay does not have.
+
+The latency may be changed between ticks.  The output at a tick always belongs
+to the latency at that tick: where the latency grows the time of measurement
+steps back once (older values are delivered again), where it shrinks values
+are skipped.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+
+CHANNELS = 4
+"""Values a sample: two positions and their rates."""
+
+HISTORY_NS = 1_000_000_000
+"""History that is kept where the tick allows it, and so the largest live latency."""
+
+MOST_SAMPLES = 1 << 16
+"""Most ticks of history that are kept for a latency that may still be set."""
+
+Sample4 = tuple[float, float, float, float]
+
+
+class BufferDelay:
+    """A ring of past samples, read at an exact age."""
+
+    def __init__(self, period_ns: int, latency_ns: int) -> None:
+        self._period_ns = period_ns
+        wanted = min(-(-HISTORY_NS // period_ns), MOST_SAMPLES)
+        self._capacity = max(wanted, latency_ns // period_ns) + 2
+        self._ring: FloatArray = np.zeros((self._capacity, CHANNELS))
+        self.set_latency_ns(latency_ns)
+
+    def set_latency_ns(self, latency_ns: int) -> None:
+        """Change the latency from the next tick on; ``ValueError`` beyond the history kept."""
+        whole, rest = divmod(latency_ns, self._period_ns)
+        if latency_ns < 0 or whole > self._capacity - 2:
+            most = (self._capacity - 2) * self._period_ns
+            raise ValueError(f"{latency_ns} ns, allowed: 0 to {most} ns")
+        self._whole, self._part = whole, rest / self._period_ns
+
+    def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
+        """Take the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
+        result: Sample4 = _through_ring(self._ring, k, self._whole, self._part, a, b, c, d)
+        return result
+
+
+@compiled
+def _through_ring(
+    ring: FloatArray, k: int, whole: int, part: float, a: float, b: float, c: float, d: float
+) -> Sample4:
+    size = ring.shape[0]
+    here = k % size
+    ring[here, 0], ring[here, 1], ring[here, 2], ring[here, 3] = a, b, c, d
+    newer = max(k - whole, 0) % size
+    older = max(k - whole - 1, 0) % size
+    # With a whole number of ticks the sample itself is delivered, bit for bit.
+    if part == 0.0:
+        return ring[newer, 0], ring[newer, 1], ring[newer, 2], ring[newer, 3]
+    rest = 1.0 - part
+    return (
+        rest * ring[newer, 0] + part * ring[older, 0],
+        rest * ring[newer, 1] + part * ring[older, 1],
+        rest * ring[newer, 2] + part * ring[older, 2],
+        rest * ring[newer, 3] + part * ring[older, 3],
+    )
+
+
+class PadeDelay:
+    """The second-order Pade approximation of a delay, discretised ramp-invariantly."""
+
+    def __init__(self, period_ns: int, latency_ns: int) -> None:
+        self._period_ns = period_ns
+        self._state: FloatArray = np.zeros((3, CHANNELS))
+        self.set_latency_ns(latency_ns)
+
+    def set_latency_ns(self, latency_ns: int) -> None:
+        """Change the latency from the next tick on; the state is kept.
+
+        A signal at rest stays at rest, since the equilibrium of the states
+        does not depend on the latency.
+        """
+        if latency_ns < 0:
+            raise ValueError(f"{latency_ns} ns, must be 0 or more")
+        self._direct = latency_ns == 0
+        self._matrices = pade2_matrices(self._period_ns / latency_ns if latency_ns else math.inf)
+
+    def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
+        """Take the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
+        result: Sample4 = _through_pade(self._state, self._matrices, k == 0, a, b, c, d)
+        return (a, b, c, d) if self._direct else result
+
+
+def pade2_matrices(ratio: float) -> FloatArray:
+    """Return the discrete matrices of the approximation, shape ``(2, 4)``.
+
+    ``ratio`` is tick / latency.  In time measured in latencies, with states
+    z1, z2 = z1': z2' = 12 (u - z1) - 6 z2 and output u - z2, so that at rest
+    z1 = u and z2 = 0 whatever the latency.  Row i holds what z_i becomes after
+    a tick: factors of z1, z2, of the input at the tick's start and at its end,
+    the input being linear between.
+    """
+    if math.isinf(ratio):
+        return np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])
+    # Poles -3 +- i sqrt(3): z1 of a free motion is e^(-3r) (cos wr + ...).
+    omega = math.sqrt(3.0)
+    fall = math.exp(-3.0 * ratio)
+    cosine, sine = fall * math.cos(omega * ratio), fall * math.sin(omega * ratio) / omega
+    free = np.array([[cosine + 3.0 * sine, sine], [-12.0 * sine, cosine - 3.0 * sine]])
+    # Ramp input u = u0 + g t is followed by z1 = u - g / 2, z2 = g: a free
+    # motion of the difference from there remains.
+    lag = np.array([-0.5, 1.0]) / ratio
+    matrix = np.zeros((2, 4))
+    matrix[:, :2] = free
+    start = free[:, 0] * -1.0 + (free[:, 0] * lag[0] + free[:, 1] * lag[1])
+    matrix[:, 2] = start - lag
+    matrix[:, 3] = lag - (free[:, 0] * lag[0] + free[:, 1] * lag[1])
+    matrix[0, 3] += 1.0
+    return matrix
+
+
+@compiled
+def _through_pade(
+    state: FloatArray, m: FloatArray, first: bool, a: float, b: float, c: float, d: float
+) -> Sample4:
+    for i, value in enumerate((a, b, c, d)):
+        if first:
+            state[0, i], state[1, i] = value, 0.0
+        else:
+            z1, z2, last = state[0, i], state[1, i], state[2, i]
+            state[0, i] = m[0, 0] * z1 + m[0, 1] * z2 + m[0, 2] * last + m[0, 3] * value
+            state[1, i] = m[1, 0] * z1 + m[1, 1] * z2 + m[1, 2] * last + m[1, 3] * value
+        state[2, i] = value
+    return a - state[1, 0], b - state[1, 1], c - state[1, 2], d - state[1, 3]

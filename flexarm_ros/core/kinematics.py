@@ -1,0 +1,184 @@
+"""Where points of the arm are, how fast they move, and the way back.
+
+Everything is in frame ``base``: origin at the shoulder, x and y in m, angles
+counter-clockwise positive in rad.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexarm_ros.core.beam import ClampedFreeModes
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.parameters import PlantParameters
+
+Lengths = tuple[float, float]
+
+REACH_TOLERANCE = 1e-9
+"""Fraction of the reach by which rounding may put a point outside of it."""
+
+
+@compiled
+def rigid_point(
+    length1: float, beyond: float, th1: float, th2: float, dth1: float, dth2: float
+) -> tuple[float, float, float, float]:
+    """Return x, y, vx, vy of the point ``beyond`` m past the elbow of the rigid arm."""
+    a, b = th1, th1 + th2
+    x1, y1 = length1 * math.cos(a), length1 * math.sin(a)
+    x2, y2 = beyond * math.cos(b), beyond * math.sin(b)
+    turn = dth1 + dth2
+    return x1 + x2, y1 + y2, -y1 * dth1 - y2 * turn, x1 * dth1 + x2 * turn
+
+
+@compiled
+def elastic_point(
+    q: FloatArray, qd: FloatArray, shapes: FloatArray, shortening: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return x, y, vx, vy of a material point of the bent arm.
+
+    ``shapes`` ``(3, N + 1)``: rows are the shape functions of link 1 at its
+    end (or at the point, where that is on link 1), their slopes, and the shape
+    functions of link 2 at the point; the last column holds the distances along
+    link 1 (row 0) and along link 2 (row 2), m.  ``shortening``
+    ``(2, N, N)``: the axial foreshortening of each up to there is
+    q' S q / 2; of shape ``(2, 0, 0)`` where the model has none.
+    """
+    count = shapes.shape[1] - 1
+    w1, dw1, turn, dturn, w2, dw2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        a, b, da, db = q[2 + i], q[2 + count + i], qd[2 + i], qd[2 + count + i]
+        w1 += shapes[0, i] * a
+        dw1 += shapes[0, i] * da
+        turn += shapes[1, i] * a
+        dturn += shapes[1, i] * da
+        w2 += shapes[2, i] * b
+        dw2 += shapes[2, i] * db
+    u1, u2, du1, du2 = shapes[0, count], shapes[2, count], 0.0, 0.0
+    for i in range(shortening.shape[1]):
+        for j in range(shortening.shape[1]):
+            u1 -= 0.5 * shortening[0, i, j] * q[2 + i] * q[2 + j]
+            du1 -= shortening[0, i, j] * q[2 + i] * qd[2 + j]
+            u2 -= 0.5 * shortening[1, i, j] * q[2 + count + i] * q[2 + count + j]
+            du2 -= shortening[1, i, j] * q[2 + count + i] * qd[2 + count + j]
+    c1, s1 = math.cos(q[0]), math.sin(q[0])
+    angle = q[0] + turn + q[1]
+    c2, s2 = math.cos(angle), math.sin(angle)
+    rate = qd[0] + dturn + qd[1]
+    x = u1 * c1 - w1 * s1 + u2 * c2 - w2 * s2
+    y = u1 * s1 + w1 * c1 + u2 * s2 + w2 * c2
+    along1, across1 = du1 - w1 * qd[0], dw1 + u1 * qd[0]
+    along2, across2 = du2 - w2 * rate, dw2 + u2 * rate
+    vx = along1 * c1 - across1 * s1 + along2 * c2 - across2 * s2
+    vy = along1 * s1 + across1 * c1 + along2 * s2 + across2 * c2
+    return x, y, vx, vy
+
+
+class PointKinematics:
+    """Position and velocity of one material point; made by :func:`make_point`."""
+
+    def __init__(self, shapes: FloatArray, shortening: FloatArray) -> None:
+        self.shapes, self.shortening = shapes, shortening
+
+    def __call__(self, q: FloatArray, qd: FloatArray) -> tuple[float, float, float, float]:
+        """Return x, y (m), vx, vy (m/s) in ``base`` for a state of shapes ``(n,)``."""
+        result: tuple[float, float, float, float] = elastic_point(
+            q, qd, self.shapes, self.shortening
+        )
+        return result
+
+
+class RigidPointKinematics(PointKinematics):
+    """The same point of the arm as if its links were rigid: joint angles only."""
+
+    def __init__(self, lengths: Lengths, location: float) -> None:
+        self._along1 = min(location, lengths[0])
+        self._beyond = max(location - lengths[0], 0.0)
+
+    def __call__(self, q: FloatArray, qd: FloatArray) -> tuple[float, float, float, float]:
+        """Return x, y (m), vx, vy (m/s) in ``base``; only the first two entries are read."""
+        return self.of_angles(float(q[0]), float(q[1]), float(qd[0]), float(qd[1]))
+
+    def of_angles(
+        self, th1: float, th2: float, dth1: float, dth2: float
+    ) -> tuple[float, float, float, float]:
+        """Return x, y, vx, vy for joint angles (rad) and rates (rad/s)."""
+        result: tuple[float, float, float, float] = rigid_point(
+            self._along1, self._beyond, th1, th2, dth1, dth2
+        )
+        return result
+
+
+def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointKinematics:
+    """Return the kinematics of the point ``location`` m from the shoulder along the arm.
+
+    ``elastic`` false: rigid kinematics of theta1 and theta2 (the paper's
+    Figure 4).  True: where the material point of the bent arm is, in the shape
+    functions of ``plant.model`` (with the foreshortening in ``full``).
+    """
+    if not elastic:
+        return RigidPointKinematics(plant.length, location)
+    count = plant.modes
+    along = (min(location, plant.length[0]), max(location - plant.length[0], 0.0))
+    shapes = np.zeros((3, count + 1))
+    shapes[0, count], shapes[2, count] = along
+    if plant.model == "full":
+        from flexarm_ros.core.shapes_full import link_shapes
+
+        shapes[0, :count], shapes[1, :count], short1 = link_shapes(plant, 0, along[0])
+        shapes[2, :count], _, short2 = link_shapes(plant, 1, along[1])
+        shortening = np.ascontiguousarray(np.stack([short1, short2]))
+    else:
+        links = [
+            ClampedFreeModes(length, density, rigidity, count)
+            for length, density, rigidity in zip(
+                plant.length, plant.mass_density, plant.flexural_rigidity, strict=True
+            )
+        ]
+        shapes[0, :count] = links[0].shape(along[0])
+        shapes[1, :count] = links[0].slope(along[0])
+        shapes[2, :count] = links[1].shape(along[1])
+        shortening = np.zeros((2, 0, 0))
+    return PointKinematics(shapes, shortening)
+
+
+def jacobian(
+    lengths: Lengths, th1: float, th2: float, location: float
+) -> tuple[float, float, float, float]:
+    """Return J11, J12, J21, J22 (m) of the rigid point ``location`` m along the arm.
+
+    (vx, vy) = J (theta1', theta2').
+    """
+    along1 = min(location, lengths[0])
+    beyond = max(location - lengths[0], 0.0)
+    x, y, _, _ = rigid_point(along1, beyond, th1, th2, 0.0, 0.0)
+    x2, y2, _, _ = rigid_point(0.0, beyond, th1, th2, 0.0, 0.0)
+    return -y, -y2, x, x2
+
+
+def reach(lengths: Lengths) -> tuple[float, float]:
+    """Return the smallest and the largest distance from the shoulder that is reached, m."""
+    return abs(lengths[0] - lengths[1]), lengths[0] + lengths[1]
+
+
+def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, float]:
+    """Return theta1, theta2 (rad, theta2 from 0 to pi) that put the rigid tip at x, y.
+
+    Raises ``ValueError`` where the point is out of reach.
+    """
+    length1, length2 = lengths
+    radius = math.hypot(x, y)
+    low, high = reach(lengths)
+    slack = REACH_TOLERANCE * high
+    if not low - slack <= radius <= high + slack:
+        raise ValueError(
+            f"({x:.6g}, {y:.6g}) m is {radius:.6g} m from the shoulder, "
+            f"reached are {low:.6g} to {high:.6g} m"
+        )
+    cosine = (radius * radius - length1 * length1 - length2 * length2) / (2.0 * length1 * length2)
+    theta2 = math.acos(min(1.0, max(-1.0, cosine)))
+    theta1 = math.atan2(y, x) - math.atan2(
+        length2 * math.sin(theta2), length1 + length2 * math.cos(theta2)
+    )
+    return theta1, theta2

@@ -1,0 +1,41 @@
+"""A small symmetric solver without BLAS, for the mass matrix."""
+
+from __future__ import annotations
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+
+
+@compiled
+def solve_symmetric(matrix: FloatArray, vector: FloatArray) -> None:
+    """Solve ``matrix @ x = vector`` in place by LDL^T; ``vector`` becomes x.
+
+    ``matrix`` ``(n, n)`` is symmetric positive definite; only its lower
+    triangle is read, and overwritten.  The order of every sum is fixed.
+    """
+    n = vector.shape[0]
+    for j in range(n):
+        # Column j is still undivided, L_jk D_k, in row j: divide it on the way.
+        pivot = matrix[j, j]
+        for k in range(j):
+            product = matrix[j, k]
+            factor = product / matrix[k, k]
+            pivot -= product * factor
+            matrix[j, k] = factor
+        matrix[j, j] = pivot
+        for i in range(j + 1, n):
+            value = matrix[i, j]
+            for k in range(j):
+                value -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = value
+    for i in range(n):
+        value = vector[i]
+        for k in range(i):
+            value -= matrix[i, k] * vector[k]
+        vector[i] = value
+    for i in range(n):
+        vector[i] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        value = vector[i]
+        for k in range(i + 1, n):
+            value -= matrix[k, i] * vector[k]
+        vector[i] = value

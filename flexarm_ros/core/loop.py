@@ -1,0 +1,81 @@
+"""The closed loop in one process: the lock-step order of the nodes, without them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.control import Sample, make_law
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.plant import instability, make_plant
+from flexarm_ros.core.sensors import Encoder, Measurement, TipSensor
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.trajectory import Reference
+
+Four = tuple[float, float, float, float]
+
+
+class TickRecord(NamedTuple):
+    """What the nodes publish in one tick.
+
+    ``q``, ``qd`` ``(n,)`` are the plant's own arrays: valid until the next
+    tick.  ``deflections``: delta1, delta2 (m) and their rates (m/s).
+    ``encoder``: stamp_ns, angles, rates.  ``tip``: stamp_ns, x, y, vx, vy.
+    ``reference``: x, y, vx, vy as commanded.  ``torque``: N m.  ``gain``:
+    lambda, or nan.
+    """
+
+    k: int
+    q: FloatArray
+    qd: FloatArray
+    deflections: Four
+    encoder: Measurement
+    tip: Measurement
+    reference: Four
+    torque: tuple[float, float]
+    gain: float
+
+
+class ClosedLoop:
+    """Plant, sensors, trajectory and controller of one scenario.
+
+    Tick k: the plant's state at t_k; sensors and trajectory answer for it; the
+    controller answers them; the torque is held until t_k+1.  The state after
+    the last tick is not computed, since nothing records it.
+
+    After the run ``unstable`` is ``None`` or names the quantity that ended it,
+    and ``unstable_tick`` the tick whose state it was; that tick is not part of
+    the run.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        self.config = config
+        self.timeline = Timeline.of(config.run)
+        self.plant = make_plant(config)
+        self.encoder, self.tip_sensor = Encoder(config), TipSensor(config)
+        self.reference, self.law = Reference(config), make_law(config)
+        self.k = 0
+        self.unstable: str | None = None
+        self.unstable_tick: int | None = None
+        self._torque: tuple[float, float] | None = None
+
+    def tick(self) -> TickRecord | None:
+        """Run the next tick; ``None`` when the run is over or the arm unstable."""
+        plant, k = self.plant, self.k
+        if k >= self.timeline.ticks or self.unstable is not None:
+            return None
+        if self._torque is not None:
+            plant.step(*self._torque)
+        self.unstable = instability(plant)
+        if self.unstable is not None:
+            self.unstable_tick = k
+            return None
+        q, qd, ends = plant.q, plant.qd, plant.deflections()
+        encoder = self.encoder.measure(k, q, qd)
+        tip = self.tip_sensor.measure(k, q, qd)
+        reference = self.reference.command(k)
+        sample = Sample(q.tolist(), qd.tolist(), ends[:2], encoder[1:], tip[1:], reference)
+        torque = self.law.torque(k, sample)
+        self._torque = torque
+        self.k = k + 1
+        return TickRecord(k, q, qd, ends, encoder, tip, reference, torque, self.law.gain)

@@ -1,0 +1,163 @@
+"""The metrics of ``summary.json``, from rows of ``trajectory.csv``, in constant memory.
+
+Errors are distances from the undelayed reference: ``rigid`` is the rigid
+kinematics of the joint angles, ``tip`` the bent arm's tip.  The root mean
+square is over the ticks.  An overshoot is how far (m) the point passes a
+corner along the old direction within one second of the switch, both ends of
+the second included, 0 where it never passes it; one value a direction switch.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.rows import COLUMNS, Row
+from flexarm_ros.core.timeline import NS_PER_S, Timeline
+from flexarm_ros.core.trajectory import Switch, make_path
+
+WINDOW_NS = NS_PER_S
+"""Time after a switch in which its overshoot is looked for."""
+
+_BLOCK = 256
+_AT = {name: index for index, name in enumerate(COLUMNS)}
+_DELTA, _TORQUE, _REFERENCE = _AT["delta1"], _AT["tau1"], _AT["ref_x"]
+_TIP, _RIGID = _AT["tip_x"], _AT["rigid_x"]
+
+
+class Metrics:
+    """Accumulates rows in order of time; :meth:`result` may be asked at any point."""
+
+    def __init__(self, config: RunConfig) -> None:
+        timeline = Timeline.of(config.run)
+        self._period_ns, self._end_ns = timeline.period_ns, timeline.duration_ns
+        self._path = make_path(config)
+        self._sums: FloatArray = np.zeros(6)
+        self._rows: list[Row] = []
+        self._done = 0
+        self._first_open = 0
+        self._overshoot: list[float] = []
+        self._tip_overshoot: list[float] = []
+
+    @property
+    def ticks(self) -> int:
+        """Rows taken so far."""
+        return self._done + len(self._rows)
+
+    def add(self, row: Row) -> None:
+        """Take the row of the next tick."""
+        self._rows.append(row)
+        if len(self._rows) == _BLOCK:
+            self._flush()
+
+    def _flush(self) -> None:
+        if not self._rows:
+            return
+        block = np.array(self._rows)
+        self._rows.clear()
+        accumulate(self._sums, block)
+        self._watch_corners(block)
+        self._done += len(block)
+
+    def _switch(self, index: int) -> Switch | None:
+        """The switch ``index`` of the run, ``None`` past its end."""
+        switch = self._path.switch(index)
+        return switch if switch is not None and switch.time_ns < self._end_ns else None
+
+    def _watch_corners(self, block: FloatArray) -> None:
+        """Update the overshoot of every switch whose second has a part in ``block``."""
+        index = self._first_open
+        while (switch := self._switch(index)) is not None:
+            first = -(-switch.time_ns // self._period_ns) - self._done
+            last = (switch.time_ns + WINDOW_NS) // self._period_ns - self._done
+            if first >= len(block):
+                return
+            if last < 0:
+                self._first_open = index + 1
+            if index == len(self._overshoot):
+                self._overshoot.append(0.0)
+                self._tip_overshoot.append(0.0)
+            seen = block[max(first, 0) : last + 1] if last >= 0 else block[:0]
+            for values, column in ((self._overshoot, _RIGID), (self._tip_overshoot, _TIP)):
+                values[index] = max(values[index], farthest(seen, column, switch))
+            index += 1
+
+    def result(self) -> dict[str, Any]:
+        """Return the metrics, ``None`` for what is not finite or not known.
+
+        Switches of the run that were not reached have an overshoot of ``None``.
+        """
+        self._flush()
+        count = self._done
+        rms, largest, tip_rms, tip_largest, deflection, torque = self._sums.tolist()
+        return {
+            "rms_error": _known(rms / count if count else math.nan, root=True),
+            "max_error": _known(largest if count else math.nan, root=True),
+            "tip_rms_error": _known(tip_rms / count if count else math.nan, root=True),
+            "tip_max_error": _known(tip_largest if count else math.nan, root=True),
+            "overshoot": self._padded(self._overshoot),
+            "max_overshoot": max(map(_finite_or_zero, self._overshoot), default=None),
+            "tip_overshoot": self._padded(self._tip_overshoot),
+            "max_deflection": _known(deflection if count else math.nan),
+            "max_torque": _known(torque if count else math.nan),
+            "ticks": count,
+        }
+
+    def _padded(self, values: list[float]) -> list[float | None]:
+        padded = [_known(value) for value in values]
+        while self._switch(len(padded)) is not None:
+            padded.append(None)
+        return padded
+
+
+def _known(value: float, root: bool = False) -> float | None:
+    if not math.isfinite(value):
+        return None
+    return math.sqrt(value) if root else value
+
+
+def _finite_or_zero(value: float) -> float:
+    return value if math.isfinite(value) else 0.0
+
+
+def farthest(block: FloatArray, column: int, switch: Switch) -> float:
+    """Return how far beyond the corner the point in ``block[:, column:column + 2]`` gets, m."""
+    result: float = _farthest(
+        block, column, switch.x, switch.y, switch.along_x, switch.along_y
+    )  # fmt: skip
+    return result
+
+
+@compiled
+def _farthest(
+    block: FloatArray, column: int, x: float, y: float, along_x: float, along_y: float
+) -> float:
+    most = 0.0
+    for i in range(block.shape[0]):
+        past = (block[i, column] - x) * along_x + (block[i, column + 1] - y) * along_y
+        most = max(most, past)
+    return most
+
+
+@compiled
+def accumulate(sums: FloatArray, block: FloatArray) -> None:
+    """Add rows ``(n, 20)`` to ``sums`` ``(6,)``, in order.
+
+    Sum and largest of the squared error of ``rigid``, the same of ``tip``, the
+    largest deflection and the largest torque.
+    """
+    for i in range(block.shape[0]):
+        ref_x, ref_y = block[i, _REFERENCE], block[i, _REFERENCE + 1]
+        rigid = (block[i, _RIGID] - ref_x) ** 2 + (block[i, _RIGID + 1] - ref_y) ** 2
+        tip = (block[i, _TIP] - ref_x) ** 2 + (block[i, _TIP + 1] - ref_y) ** 2
+        sums[0] += rigid
+        sums[1] = max(sums[1], rigid)
+        sums[2] += tip
+        sums[3] = max(sums[3], tip)
+        for j in (0, 1):
+            sums[4] = max(sums[4], abs(block[i, _DELTA + j]))
+            sums[5] = max(sums[5], abs(block[i, _TORQUE + j]))

@@ -1,0 +1,308 @@
+"""Every parameter of a run: name, type, unit, default, range and meaning.
+
+This is the single place where a key of a scenario is defined.  The scenario
+reader checks files against it, the nodes declare their ROS parameters from it
+and the README's table is printed from it.  A class is a node's section; a
+field is a key.  ``key`` in a field's metadata gives the name in the file where
+it differs from the field's own (a law's gain, ``lqg.horizon``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What is allowed for one key, and what it means.
+
+    ``kind`` is one of ``float``, ``int``, ``bool``, ``str``, ``float2`` (an
+    array of two, one value a link or axis) and ``floats`` (any length from 1).
+    ``low`` and ``high`` bound each value; ``low_open`` excludes the bound
+    itself.  ``choices`` lists the allowed texts.  ``live`` marks what may be
+    changed while a run goes on (at a tick boundary).  ``whole_ns`` marks a
+    time whose decimal text times 1e9 must be an integer.
+    """
+
+    kind: str
+    unit: str
+    doc: str
+    paper: str = ""
+    low: float | None = None
+    high: float | None = None
+    low_open: bool = False
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+    live: bool = False
+    whole_ns: bool = False
+
+
+def _key(default: Any, kind: str, unit: str, doc: str, **rest: Any) -> Any:
+    key = rest.pop("key", None)
+    spec = Spec(kind, unit, doc, optional=default is None, **rest)
+    return field(default=default, metadata={"spec": spec, "key": key})
+
+
+@dataclass(frozen=True)
+class RunParameters:
+    """Section ``/**``: what all nodes of a run share."""
+
+    control_period: float = _key(
+        0.001, "float", "s", "one tick of the control loop", low=0.0, low_open=True,
+        high=3600.0, whole_ns=True, paper="0.001",
+    )  # fmt: skip
+    duration: float = _key(
+        16.0, "float", "s", "simulated time of the run, a whole number of ticks", low=0.0,
+        low_open=True, high=1.0e7, whole_ns=True, paper="16.0",
+    )  # fmt: skip
+    sync: str = _key(
+        "lockstep", "str", "", "lockstep: barrier at every tick; free: paced by the wall clock",
+        choices=("lockstep", "free"),
+    )  # fmt: skip
+    seed: int = _key(0, "int", "", "seed of every noise source", low=0, high=2**31 - 1)
+    record: bool = _key(True, "bool", "", "the run waits for a recorder; false: it needs none")
+    start_timeout: float = _key(
+        60.0, "float", "s", "wall time that a participant may take to join", low=0.1, high=86400.0
+    )
+    tick_timeout: float = _key(
+        5.0, "float", "s", "wall time that a participant may take to answer a tick",
+        low=0.01, high=86400.0,
+    )  # fmt: skip
+    on_invalid: str = _key(
+        "error", "str", "", "error: an invalid message ends the run; ignore: count it and go on",
+        choices=("error", "ignore"),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PlantParameters:
+    """Section ``plant``: the arm."""
+
+    model: str = _key(
+        "eq14", "str", "",
+        "eq14: equation (14) as printed, rigid Coriolis terms only; full: every inertia term "
+        "and the foreshortening of the links",
+        choices=("eq14", "full"), paper="eq14",
+    )  # fmt: skip
+    modes: int = _key(1, "int", "", "assumed modes a link", low=1, high=6, paper="1")
+    basis: str = _key(
+        "arm_modes", "str", "",
+        "shape functions of the full model: arm_modes fits the arm's own modes best; "
+        "craig_bampton: static shapes and clamped modes; clamped_free: a cantilever's modes",
+        choices=("arm_modes", "craig_bampton", "clamped_free"),
+    )  # fmt: skip
+    length: tuple[float, float] = _key(
+        (4.5, 4.5), "float2", "m", "link lengths", low=0.0, low_open=True, high=1e4, paper="4.5"
+    )
+    mass_density: tuple[float, float] = _key(
+        (0.335, 0.335), "float2", "kg/m", "mass a metre of each link", low=0.0, low_open=True,
+        high=1e6, paper="0.335",
+    )  # fmt: skip
+    flexural_rigidity: tuple[float, float] = _key(
+        (1676.0, 1676.0), "float2", "N m^2", "EI of each link", low=0.0, low_open=True,
+        high=1e12, paper="1676",
+    )  # fmt: skip
+    hub_inertia: tuple[float, float] = _key(
+        (8.0, 8.0), "float2", "kg m^2",
+        "reflected actuator inertia acting on the rates of theta1 and theta2", low=0.0, high=1e6,
+    )  # fmt: skip
+    payload_mass: float = _key(0.0, "float", "kg", "point mass at the tip", low=0.0, high=1e6)
+    payload_inertia: float = _key(
+        0.0, "float", "kg m^2", "rotary inertia at the tip", low=0.0, high=1e6
+    )
+    link_end_mass: float = _key(
+        0.0, "float", "kg", "point mass at the end of link 1", low=0.0, high=1e6
+    )
+    link_end_inertia: float = _key(
+        0.0, "float", "kg m^2", "rotary inertia at the end of link 1", low=0.0, high=1e6
+    )
+    damping_ratio: float = _key(0.0, "float", "", "modal damping ratio", low=0.0, high=1.0)
+    substeps: int | None = _key(
+        None, "int", "", "integrator steps a tick; left out: from the highest frequency",
+        low=1, high=100000,
+    )  # fmt: skip
+    initial_position: tuple[float, float] | None = _key(
+        None, "float2", "rad", "joint angles at the start; left out: on the reference",
+        low=-1e4, high=1e4,
+    )  # fmt: skip
+    initial_velocity: tuple[float, float] | None = _key(
+        None, "float2", "rad/s", "joint rates at the start; left out: at rest", low=-1e4, high=1e4
+    )
+
+
+@dataclass(frozen=True)
+class EncoderParameters:
+    """Section ``encoder``: the joint encoders."""
+
+    latency: float = _key(
+        0.0, "float", "s", "age of a measurement when it is delivered", low=0.0, high=0.999999999,
+        whole_ns=True, live=True, paper="0",
+    )  # fmt: skip
+    resolution: float = _key(
+        0.0, "float", "rad", "angle of one count, 0: ideal", low=0.0, high=1.0, live=True
+    )
+    noise_std: float = _key(
+        0.0, "float", "rad", "standard deviation of the angle noise", low=0.0, high=1.0, live=True
+    )
+
+
+@dataclass(frozen=True)
+class TipSensorParameters:
+    """Section ``tip_sensor``: the position sensor on link 2."""
+
+    location: float = _key(
+        9.0, "float", "m", "place from the shoulder along the arm, from the elbow to the tip",
+        low=0.0, high=2e4, paper="9.0 or 6.75",
+    )  # fmt: skip
+    measurand: str = _key(
+        "rigid", "str", "", "rigid: kinematics of the joint angles (Figure 4); elastic: where the "
+        "point really is",
+        choices=("rigid", "elastic"),
+    )  # fmt: skip
+    latency: float = _key(
+        0.0, "float", "s", "age of a measurement when it is delivered", low=0.0, high=0.999999999,
+        whole_ns=True, live=True, paper="(18): 0.001238",
+    )  # fmt: skip
+    latency_model: str = _key(
+        "buffer", "str", "", "buffer: exact; pade2: second-order Pade approximation",
+        choices=("buffer", "pade2"),
+    )  # fmt: skip
+    noise_std: float = _key(
+        0.0, "float", "m", "standard deviation of the position noise", low=0.0, high=100.0,
+        live=True,
+    )  # fmt: skip
+    rate: float = _key(
+        0.0, "float", "Hz", "samples a second, a whole number of ticks apart; 0: every tick",
+        low=0.0, high=1e9,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TrajectoryParameters:
+    """Section ``trajectory``: the commanded motion of the end effector."""
+
+    kind: str = _key(
+        "square", "str", "", "square: clockwise from lower left, centred on the base",
+        choices=("square", "hold", "waypoints"), paper="square",
+    )  # fmt: skip
+    time_law: str = _key(
+        "constant", "str", "", "constant: speed along a side; smooth: rest to rest on each side",
+        choices=("constant", "smooth"), paper="constant",
+    )  # fmt: skip
+    side: float = _key(
+        12.6, "float", "m", "side of the square", low=0.0, low_open=True, high=1e5, paper="12.6"
+    )
+    side_time: float = _key(
+        4.0, "float", "s", "time of one side", low=0.0, low_open=True, high=1e7, whole_ns=True,
+        paper="4.0",
+    )  # fmt: skip
+    delay: float = _key(
+        0.0, "float", "s", "delay of the commanded input (the forward-loop correction)", low=0.0,
+        high=1e4, whole_ns=True, live=True, paper="0",
+    )  # fmt: skip
+    hold_position: tuple[float, float] | None = _key(
+        None, "float2", "m", "x, y to hold; left out: the initial pose's end effector, or the "
+        "square's lower left corner",
+        low=-1e5, high=1e5,
+    )  # fmt: skip
+    waypoint_times: tuple[float, ...] | None = _key(
+        None, "floats", "s", "rising times of the way points, the first 0", low=0.0, high=1e7,
+        whole_ns=True,
+    )  # fmt: skip
+    waypoint_x: tuple[float, ...] | None = _key(
+        None, "floats", "m", "x of each way point", low=-1e5, high=1e5
+    )
+    waypoint_y: tuple[float, ...] | None = _key(
+        None, "floats", "m", "y of each way point", low=-1e5, high=1e5
+    )
+
+
+@dataclass(frozen=True)
+class ControllerParameters:
+    """Section ``controller``: the control law and its gains."""
+
+    law: str = _key(
+        "fls", "str", "", "control law: pd is (20), fls is (21)",
+        choices=("pd", "fls", "open_loop"),
+    )  # fmt: skip
+    feedback: str = _key(
+        "tip_sensor", "str", "", "what closes the loop", choices=("encoder", "tip_sensor")
+    )
+    velocity_source: str = _key(
+        "feedback", "str", "", "feedback: rates as measured with the position; encoder: "
+        "undelayed joint rates",
+        choices=("feedback", "encoder"),
+    )  # fmt: skip
+    kp: float = _key(
+        150.79, "float", "N/m", "proportional gain of (10)", low=0.0, high=1e9, live=True,
+        paper="150.79",
+    )  # fmt: skip
+    kd: float = _key(
+        17.364, "float", "N s/m", "derivative gain of (11)", low=0.0, high=1e9, live=True,
+        paper="17.364",
+    )  # fmt: skip
+    ks: float = _key(
+        15.0, "float", "", "scaling gain K_s of (21)", low=0.0, high=1e6, live=True, paper="15"
+    )
+    kn: float = _key(
+        5.0, "float", "m", "normalising gain K_n of the deflections", low=0.0, low_open=True,
+        high=1e6, live=True, paper="5",
+    )  # fmt: skip
+    torque_file: str | None = _key(
+        None, "str", "", "CSV t,tau1,tau2 of law open_loop, relative to the scenario"
+    )
+    torque_limit: float = _key(
+        0.0, "float", "N m", "largest torque of each joint, 0: none", low=0.0, high=1e9, live=True
+    )
+
+
+@dataclass(frozen=True)
+class RecorderParameters:
+    """Section ``recorder``: the bag."""
+
+    compression: str = _key(
+        "zstd", "str", "", "compression of the bag's chunks", choices=("none", "lz4", "zstd")
+    )
+    chunk_time: float = _key(
+        0.2, "float", "s", "simulated time between flushed chunks", low=0.0, low_open=True,
+        high=3600.0,
+    )  # fmt: skip
+
+
+SECTIONS: dict[str, type] = {
+    "/**": RunParameters,
+    "plant": PlantParameters,
+    "encoder": EncoderParameters,
+    "tip_sensor": TipSensorParameters,
+    "trajectory": TrajectoryParameters,
+    "controller": ControllerParameters,
+    "recorder": RecorderParameters,
+}
+"""Section name in a scenario file -> class of its keys."""
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """A whole, checked scenario: what every layer passes around.
+
+    ``torques`` holds the rows of the torque file, shape ``(rows, 3)`` as
+    nested tuples ``(t, tau1, tau2)``, empty unless the law is ``open_loop``.
+    """
+
+    run: RunParameters = RunParameters()
+    plant: PlantParameters = PlantParameters()
+    encoder: EncoderParameters = EncoderParameters()
+    tip_sensor: TipSensorParameters = TipSensorParameters()
+    trajectory: TrajectoryParameters = TrajectoryParameters()
+    controller: ControllerParameters = ControllerParameters()
+    recorder: RecorderParameters = RecorderParameters()
+    torques: tuple[tuple[float, float, float], ...] = ()
+
+
+def specs(section: type) -> dict[str, tuple[str, Spec, Any]]:
+    """Return ``{key in the file: (field name, Spec, default)}`` of a section's class."""
+    return {
+        f.metadata["key"] or f.name: (f.name, f.metadata["spec"], f.default)
+        for f in fields(section)
+    }

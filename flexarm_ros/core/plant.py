@@ -1,0 +1,182 @@
+"""The plant interface, its choice by ``plant.model`` and its integrator steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.parameters import PlantParameters, RunConfig
+from flexarm_ros.core.plant_eq14 import Eq14Matrices, end_deflections, step_eq14
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.trajectory import initial_angles
+
+DEFLECTION_LIMIT = 5.0
+"""End deflection, m, beyond which a run is unstable: the universe of the FLS."""
+
+ACCURATE_PHASE = 0.2
+"""Default phase of the highest mode in one integrator step, rad.
+
+One step of RK4 multiplies the amplitude of an undamped mode by
+1 - phase^6 / 144 and shifts it by phase^5 / 120: at 0.2 rad the fastest mode
+loses 2.2e-6 of its amplitude and 1.3e-5 of its phase a radian, slower ones less.
+"""
+
+STABLE_PHASE = 2.0
+"""Largest phase of the highest mode in one step that is allowed.
+
+RK4 is stable up to 2 sqrt(2) = 2.83 on the imaginary and 2.79 on the real axis;
+the rest is margin for what the linear estimate leaves out.
+"""
+
+
+class Plant(Protocol):
+    """An arm that is advanced one control tick at a time.
+
+    ``q`` and ``qd``, shape ``(2 + 2 modes,)``, are in the order of ``names``:
+    theta1, theta2 (rad), then the modal coordinates of link 1 and of link 2.
+    They are views: :meth:`step` and :meth:`set_state` change them in place.
+    """
+
+    names: tuple[str, ...]
+    q: FloatArray
+    qd: FloatArray
+    substeps: int
+
+    def step(self, tau1: float, tau2: float) -> None:
+        """Advance by one tick with the joint torques, N m, held."""
+
+    def deflections(self) -> tuple[float, float, float, float]:
+        """Return delta1, delta2 (m) and their rates (m/s)."""
+
+    def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
+        """Overwrite the state, shapes ``(2 + 2 modes,)``."""
+
+
+def coordinate_names(modes: int) -> tuple[str, ...]:
+    """Return the names of the coordinates: joints, then modes of link 1 and link 2."""
+    modal = [f"link{link}_mode{i + 1}" for link in (1, 2) for i in range(modes)]
+    return ("shoulder", "elbow", *modal)
+
+
+class Eq14Plant:
+    """The arm of (14); see :mod:`flexarm_ros.core.plant_eq14` and :class:`Plant`."""
+
+    def __init__(self, config: RunConfig) -> None:
+        matrices = Eq14Matrices(config.plant)
+        period = Timeline.of(config.run).period
+        self.names = coordinate_names(config.plant.modes)
+        self.substeps = choose_substeps(config.plant, period, matrices.highest_rate())
+        self._step = period / self.substeps
+        size = len(self.names)
+        self._state = np.zeros((2, size))
+        self.q, self.qd = self._state[0], self._state[1]
+        self._mass, self._coupling = matrices.mass, matrices.coupling
+        self._diagonals = np.ascontiguousarray(
+            np.stack([matrices.stiffness, matrices.damping, matrices.end_shape])
+        )
+        self._matrix, self._work = np.zeros((size, size)), np.zeros((5, size))
+        self._ends = (0.0, 0.0, 0.0, 0.0)
+
+    def step(self, tau1: float, tau2: float) -> None:
+        """Advance by one tick with the joint torques, N m, held."""
+        self._ends = step_eq14(
+            self._state, tau1, tau2, self._step, self.substeps, self._mass, self._diagonals,
+            self._coupling, self._matrix, self._work,
+        )  # fmt: skip
+
+    def deflections(self) -> tuple[float, float, float, float]:
+        """Return delta1, delta2 (m) and their rates (m/s)."""
+        return self._ends
+
+    def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
+        """Overwrite the state, shapes ``(2 + 2 modes,)``."""
+        self.q[:] = q
+        self.qd[:] = qd
+        self._ends = end_deflections(self._state, self._diagonals[2])
+
+
+def choose_substeps(plant: PlantParameters, period: float, highest: float) -> int:
+    """Return the RK4 steps a tick of ``period`` s for a highest rate of ``highest`` 1/s.
+
+    Left out, enough for :data:`ACCURATE_PHASE`; given, checked against
+    :data:`STABLE_PHASE`: too few raise ``ValueError`` instead of blowing up later.
+    """
+    if plant.substeps is None:
+        return max(1, math.ceil(highest * period / ACCURATE_PHASE))
+    least = max(1, math.ceil(highest * period / STABLE_PHASE))
+    if plant.substeps < least:
+        raise ValueError(
+            f"plant.substeps: {plant.substeps} is too few for a highest frequency of "
+            f"{highest:.4g} rad/s at this control_period; allowed: {least} or more"
+        )
+    return plant.substeps
+
+
+def highest_frequency(config: RunConfig) -> float:
+    """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
+    if config.plant.model == "full":
+        from flexarm_ros.core import plant_full
+
+        return float(plant_full.highest_frequency(config))
+    return Eq14Matrices(config.plant).highest_rate()
+
+
+def check_substeps(config: RunConfig) -> None:
+    """Raise ``ValueError`` where ``plant.substeps`` is given but too few."""
+    if config.plant.substeps is not None:
+        choose_substeps(config.plant, Timeline.of(config.run).period, highest_frequency(config))
+
+
+def make_plant(config: RunConfig) -> Plant:
+    """Return the plant of ``config`` at its initial state.
+
+    The joint angles are ``plant.initial_position``, or those of the reference
+    at the start; links are straight, without elastic rates.  Raises
+    ``ValueError``, naming the key, for too few substeps or an unreachable start.
+    """
+    plant: Plant
+    if config.plant.model == "full":
+        from flexarm_ros.core.plant_full import FullPlant
+
+        plant = FullPlant(config)
+    else:
+        plant = Eq14Plant(config)
+    q, qd = np.zeros(len(plant.names)), np.zeros(len(plant.names))
+    q[:2] = initial_angles(config)
+    if config.plant.initial_velocity is not None:
+        qd[:2] = config.plant.initial_velocity
+    plant.set_state(q, qd)
+    return plant
+
+
+def instability(plant: Plant) -> str | None:
+    """Return what is unstable about the plant's state, or ``None``.
+
+    That is a state that is not finite, or a deflection beyond
+    :data:`DEFLECTION_LIMIT`.
+    """
+    ends = plant.deflections()
+    inside = abs(ends[0]) <= DEFLECTION_LIMIT and abs(ends[1]) <= DEFLECTION_LIMIT
+    if inside and all_finite(plant.q, plant.qd):
+        return None
+    for name, value in zip(plant.names, plant.q, strict=True):
+        if not math.isfinite(value):
+            return f"{name}: {value}"
+    for name, value in zip(plant.names, plant.qd, strict=True):
+        if not math.isfinite(value):
+            return f"rate of {name}: {value}"
+    link = 0 if not abs(ends[0]) <= DEFLECTION_LIMIT else 1
+    return f"deflection of link{link + 1}: {ends[link]:.6g} m"
+
+
+@compiled
+def all_finite(q: FloatArray, qd: FloatArray) -> bool:
+    """Return whether every entry of both ``(n,)`` arrays is finite."""
+    finite = True
+    for i in range(q.shape[0]):
+        finite = finite and math.isfinite(q[i]) and math.isfinite(qd[i])
+    return finite

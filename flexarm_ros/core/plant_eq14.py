@@ -1,0 +1,203 @@
+"""Equation (14) as the paper states it: the ``eq14`` plant.
+
+Coordinates are (theta1, theta2, modes of link 1, modes of link 2); theta2 is
+measured from the tangent at the end of link 1.  At zero deformation, with
+n1, n2 the normals of the links, a material point moves with
+
+    link 1:  (x theta1' + phi1(x) . q1') n1
+    link 2:  (L1 theta1' + phi1(L1) . q1') n1
+             + (xi (theta1' + phi1'(L1) . q1' + theta2') + phi2(xi) . q2') n2
+
+and n1 . n2 = cos theta2, so that the mass matrix is M0 + cos(theta2) M1 with
+every coupling in it.  The right-hand side holds the torques, on the rows of
+theta1 and theta2 only, the Coriolis and centrifugal terms of the rigid arm on
+the same rows, and the modal stiffness (and damping) on the others.  Neither
+energy nor angular momentum is conserved: the elastic velocity terms that would
+balance the ledger are those that (14) leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexarm_ros.core.beam import ClampedFreeModes
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.linear import solve_symmetric
+from flexarm_ros.core.parameters import PlantParameters
+
+
+class Eq14Matrices:
+    """The constant matrices of (14) for one arm with N modes a link, n = 2 + 2 N.
+
+    ``mass``: ``(2, n, n)``, M = mass[0] + cos(theta2) mass[1], kg m^2, kg m, kg;
+    ``stiffness`` and ``damping``: ``(n,)``, diagonals, zero for the joints;
+    ``end_shape``: ``(n,)``, end deflection of each modal coordinate's own link;
+    ``coupling``: kg m^2, factor of the rigid Coriolis terms.
+    """
+
+    def __init__(self, plant: PlantParameters) -> None:
+        count = plant.modes
+        link1, link2 = (
+            ClampedFreeModes(
+                plant.length[i], plant.mass_density[i], plant.flexural_rigidity[i], count
+            )
+            for i in (0, 1)
+        )
+        size = 2 + 2 * count
+        first = slice(2, 2 + count)
+        second = slice(2 + count, size)
+        elbow, tip1, turn2 = np.zeros(size), np.zeros(size), np.zeros(size)
+        elbow[0], elbow[first] = link1.length, link1.shape(link1.length)
+        tip1[0], tip1[first] = 1.0, link1.slope(link1.length)
+        turn2[0], turn2[1], turn2[first] = 1.0, 1.0, tip1[first]
+        tip2, tip2_slope = link2.length * turn2, turn2.copy()
+        tip2[second] = link2.shape(link2.length)
+        tip2_slope[second] = link2.slope(link2.length)
+
+        straight = _link_mass(link1, np.eye(size)[0], first) + _link_mass(link2, turn2, second)
+        mass2 = plant.mass_density[1] * link2.length
+        carried = mass2 + plant.payload_mass + plant.link_end_mass
+        straight += carried * np.outer(elbow, elbow)
+        straight += plant.link_end_inertia * np.outer(tip1, tip1)
+        straight += plant.payload_mass * np.outer(tip2, tip2)
+        straight += plant.payload_inertia * np.outer(tip2_slope, tip2_slope)
+        straight[0, 0] += plant.hub_inertia[0]
+        straight[1, 1] += plant.hub_inertia[1]
+
+        moment2 = 0.5 * mass2 * link2.length * turn2 + plant.payload_mass * tip2
+        moment2[second] += link2.mean
+        bent = np.outer(elbow, moment2) + np.outer(moment2, elbow)
+
+        self.mass: FloatArray = np.ascontiguousarray(np.stack([straight, bent]))
+        self.stiffness = np.zeros(size)
+        self.stiffness[first], self.stiffness[second] = link1.modal_stiffness, link2.modal_stiffness
+        self.damping = np.zeros(size)
+        for part, link in ((first, link1), (second, link2)):
+            self.damping[part] = 2.0 * plant.damping_ratio * link.modal_mass * link.frequencies
+        self.end_shape = np.zeros(size)
+        self.end_shape[first], self.end_shape[second] = elbow[first], tip2[second]
+        self.coupling = float(elbow[0] * moment2[1])
+
+    def mass_at(self, theta2: float) -> FloatArray:
+        """Return the mass matrix ``(n, n)`` at elbow angle ``theta2``, rad."""
+        return np.asarray(self.mass[0] + math.cos(theta2) * self.mass[1])
+
+    def highest_rate(self) -> float:
+        """Return the largest |s|, 1/s, of M s^2 + D s + K over all elbow angles.
+
+        For every x the Rayleigh quotient x'Kx / x'M x is convex in cos(theta2),
+        since M is linear in it, and so is its largest value: the straight and
+        the folded arm bound all others.
+        """
+        return max(self._highest_rate(angle) for angle in (0.0, math.pi))
+
+    def _highest_rate(self, theta2: float) -> float:
+        size = len(self.stiffness)
+        inverse = np.linalg.inv(self.mass_at(theta2))
+        system = np.zeros((2 * size, 2 * size))
+        system[:size, size:] = np.eye(size)
+        system[size:, :size] = -inverse * self.stiffness
+        system[size:, size:] = -inverse * self.damping
+        return float(np.max(np.abs(np.linalg.eigvals(system))))
+
+
+def _link_mass(link: ClampedFreeModes, turn: FloatArray, part: slice) -> FloatArray:
+    """Mass matrix of a link about its own start, which turns with ``turn`` . qd."""
+    inertia = link.mass_density * link.length**3 / 3.0
+    modal = np.zeros(len(turn))
+    modal[part] = link.first_moment
+    matrix = inertia * np.outer(turn, turn) + np.outer(turn, modal) + np.outer(modal, turn)
+    index = np.arange(part.start, part.stop)
+    matrix[index, index] += link.modal_mass
+    return np.asarray(matrix)
+
+
+@compiled
+def _acceleration(
+    q: FloatArray,
+    qd: FloatArray,
+    tau1: float,
+    tau2: float,
+    mass: FloatArray,
+    diagonals: FloatArray,
+    coupling: float,
+    matrix: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Solve (14) for the accelerations, into ``out``."""
+    n = q.shape[0]
+    cosine = math.cos(q[1])
+    for i in range(n):
+        for j in range(i + 1):
+            matrix[i, j] = mass[0, i, j] + cosine * mass[1, i, j]
+        out[i] = -diagonals[0, i] * q[i] - diagonals[1, i] * qd[i]
+    swirl = coupling * math.sin(q[1])
+    out[0] += tau1 + swirl * qd[1] * (2.0 * qd[0] + qd[1])
+    out[1] += tau2 - swirl * qd[0] * qd[0]
+    solve_symmetric(matrix, out)
+
+
+@compiled
+def step_eq14(
+    state: FloatArray,
+    tau1: float,
+    tau2: float,
+    step: float,
+    substeps: int,
+    mass: FloatArray,
+    diagonals: FloatArray,
+    coupling: float,
+    matrix: FloatArray,
+    work: FloatArray,
+) -> tuple[float, float, float, float]:
+    """Advance ``state`` ``(2, n)`` (positions, rates) by ``substeps`` steps of RK4.
+
+    The torques (N m) are held; ``step`` in s; ``diagonals`` ``(3, n)``:
+    stiffness, damping, end shape.  ``matrix`` ``(n, n)`` and ``work``
+    ``(5, n)`` are scratch.  Returns the end deflections and their rates.
+    """
+    n = state.shape[1]
+    q, qd = state[0], state[1]
+    trial_q, trial_qd, rate_sum, qdd = work[0], work[1], work[2], work[3]
+    half, sixth = 0.5 * step, step / 6.0
+    for _ in range(substeps):
+        # The classical scheme for q'' = a(q, q'), the position stages written out:
+        # q + h (qd + h (a1 + a2 + a3) / 6) and qd + h (a1 + 2 a2 + 2 a3 + a4) / 6.
+        _acceleration(q, qd, tau1, tau2, mass, diagonals, coupling, matrix, qdd)
+        for i in range(n):
+            rate_sum[i] = qdd[i]
+            trial_q[i] = q[i] + half * qd[i]
+            trial_qd[i] = qd[i] + half * qdd[i]
+        _acceleration(trial_q, trial_qd, tau1, tau2, mass, diagonals, coupling, matrix, qdd)
+        for i in range(n):
+            trial_q[i] = q[i] + half * trial_qd[i]
+            trial_qd[i] = qd[i] + half * qdd[i]
+            work[4, i] = rate_sum[i] + qdd[i]
+            rate_sum[i] += 2.0 * qdd[i]
+        _acceleration(trial_q, trial_qd, tau1, tau2, mass, diagonals, coupling, matrix, qdd)
+        for i in range(n):
+            trial_q[i] = q[i] + step * trial_qd[i]
+            trial_qd[i] = qd[i] + step * qdd[i]
+            work[4, i] += qdd[i]
+            rate_sum[i] += 2.0 * qdd[i]
+        _acceleration(trial_q, trial_qd, tau1, tau2, mass, diagonals, coupling, matrix, qdd)
+        for i in range(n):
+            q[i] += step * (qd[i] + sixth * work[4, i])
+            qd[i] += sixth * (rate_sum[i] + qdd[i])
+    return end_deflections(state, diagonals[2])
+
+
+@compiled
+def end_deflections(state: FloatArray, shape: FloatArray) -> tuple[float, float, float, float]:
+    """Return delta1, delta2 (m) and their rates (m/s) of ``state`` ``(2, n)``."""
+    n = state.shape[1]
+    half = (n - 2) // 2
+    delta1, delta2, rate1, rate2 = 0.0, 0.0, 0.0, 0.0
+    for i in range(2, 2 + half):
+        delta1 += shape[i] * state[0, i]
+        rate1 += shape[i] * state[1, i]
+        delta2 += shape[i + half] * state[0, i + half]
+        rate2 += shape[i + half] * state[1, i + half]
+    return delta1, delta2, rate1, rate2

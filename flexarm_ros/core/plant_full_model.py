@@ -1,0 +1,125 @@
+"""The numbers of the full model: a link's integrals with its masses, packed for the compiled code.
+
+A link of length L, mass m = rho L and rigidity EI, with a point mass and a
+rotary inertia at its end, seen from the frame at its own start (x along the
+tangent there): the material point s is at
+
+    r(s) = (s - 1/2 a^T G(s) a,  phi(s)^T a),   G(s) = int_0^s phi' phi'^T
+
+so that the link keeps its length to second order in the slopes.  All kinetic
+terms follow from this map without further approximation; see
+``docs/validation.md`` for the derivation.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm_ros.core.basis import Basis, identity, orthogonal_basis
+from flexarm_ros.core.basis_arm import arm_bases
+from flexarm_ros.core.basis_integrals import linear_integrals, shortening_integrals
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.parameters import PlantParameters
+
+# Rows of ``Constants.scalars``, ``.vectors`` and ``.matrices``.
+MASS, FIRST, INERTIA, LENGTH = range(4)
+MEAN, MOMENT, END, END_SLOPE, STIFFNESS, DAMPING = range(6)
+SPIN, MODAL, SHORT, END_SHORT = range(4)
+
+
+class Constants(NamedTuple):
+    """Both links' integrals; first axis: the link, N: ``modes``.
+
+    ``scalars`` (2, 4): mass (kg), first moment of mass along the axis (kg m),
+    moment of inertia about the start (kg m^2), all of the straight link with
+    its end mass and inertia; length (m).
+
+    ``vectors`` (2, 6, N): int rho phi (kg); int rho s phi plus the end
+    inertia's slope (kg m); phi(L); phi'(L) (1/m); stiffness (N/m) and damping
+    (N s/m) of each coordinate.
+
+    ``matrices`` (2, 4, N, N): int rho (phi phi^T - s G), how the moment of
+    inertia changes with a (kg); int rho phi phi^T plus the end inertia's
+    (kg); int rho G (kg/m); G(L) (1/m).
+
+    ``cross`` (2, N, N, N): int rho phi_i G_jk (kg/m).  ``quartic``
+    (2, N, N, N, N), indices i, j, k, l: int rho G_ik G_jl (kg/m^2).
+
+    ``hub`` (2,): inertia on the rates of theta1 and theta2 (kg m^2).
+    """
+
+    scalars: FloatArray
+    vectors: FloatArray
+    matrices: FloatArray
+    cross: FloatArray
+    quartic: FloatArray
+    hub: FloatArray
+
+
+def link_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
+    """Return the shape functions of link 1 and link 2 that ``plant.basis`` names."""
+    if plant.basis == "arm_modes":
+        return arm_bases(plant)
+    basis = orthogonal_basis(plant.basis, identity(plant.modes))
+    return basis, basis
+
+
+@lru_cache(maxsize=16)
+def make_constants(plant: PlantParameters) -> Constants:
+    """Return the packed integrals of an arm; shared between callers, not to be changed."""
+    ends = (
+        (plant.link_end_mass, plant.link_end_inertia),
+        (plant.payload_mass, plant.payload_inertia),
+    )
+    bases = link_bases(plant)
+    links = [_link(plant, bases[link], link, *ends[link]) for link in (0, 1)]
+    scalars, vectors, matrices, cross, quartic = (
+        np.ascontiguousarray(np.stack(parts)) for parts in zip(*links, strict=True)
+    )
+    hub = np.array(plant.hub_inertia, dtype=float)
+    return Constants(scalars, vectors, matrices, cross, quartic, hub)
+
+
+def _link(
+    plant: PlantParameters, basis: Basis, link: int, end_mass: float, end_inertia: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    length = plant.length[link]
+    mass = plant.mass_density[link] * length
+    integral, short = linear_integrals(basis), shortening_integrals(basis)
+    end, slope = integral.end, integral.end_slope / length
+    shortening = short.end_short / length
+    stiffness = plant.flexural_rigidity[link] / length**3 * basis.stiffness
+    scalars = np.array(
+        [
+            mass + end_mass,
+            0.5 * mass * length + end_mass * length,
+            mass * length**2 / 3.0 + end_mass * length**2 + end_inertia,
+            length,
+        ]
+    )
+    vectors = np.array(
+        [
+            mass * integral.mean + end_mass * end,
+            length * (mass * integral.moment + end_mass * end) + end_inertia * slope,
+            end,
+            slope,
+            stiffness,
+            2.0 * plant.damping_ratio * np.sqrt(0.25 * mass * stiffness),
+        ]
+    )
+    transverse = mass * integral.mass + end_mass * np.multiply.outer(end, end)
+    matrices = np.array(
+        [
+            transverse - mass * short.short_moment - end_mass * length * shortening,
+            transverse + end_inertia * np.multiply.outer(slope, slope),
+            mass / length * short.short + end_mass * shortening,
+            shortening,
+        ]
+    )
+    cross = mass / length * short.cross + end_mass * np.multiply.outer(end, shortening)
+    quartic = mass / length**2 * short.quartic
+    quartic = quartic + end_mass * np.multiply.outer(shortening, shortening)
+    return scalars, vectors, matrices, cross, np.transpose(quartic, (0, 2, 1, 3))

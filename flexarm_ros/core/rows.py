@@ -1,0 +1,78 @@
+"""One row of ``trajectory.csv`` a tick, from what is recorded of that tick.
+
+The same function makes the rows of a run in one process and those of a bag, so
+that the two agree bit for bit.
+"""
+
+from __future__ import annotations
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.control import gain_of
+from flexarm_ros.core.kinematics import elastic_point, make_point, rigid_point
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import NS_PER_S, Timeline
+from flexarm_ros.core.trajectory import Reference
+
+COLUMNS = (
+    "t", "theta1", "theta2", "dtheta1", "dtheta2", "delta1", "delta2", "elbow_x", "elbow_y",
+    "tip_x", "tip_y", "rigid_x", "rigid_y", "meas_x", "meas_y", "ref_x", "ref_y", "tau1", "tau2",
+    "lambda",
+)  # fmt: skip
+"""Header of ``trajectory.csv``: s, rad, rad/s, m, N m."""
+
+Row = tuple[float, ...]
+
+
+class Rows:
+    """Makes the rows of one run."""
+
+    def __init__(self, config: RunConfig) -> None:
+        self._config = config
+        self._period_ns = Timeline.of(config.run).period_ns
+        self._reference = Reference(config)
+        self._lengths = config.plant.length
+        elbow = make_point(config.plant, self._lengths[0], elastic=True)
+        tip = make_point(config.plant, sum(self._lengths), elastic=True)
+        self._shapes = (elbow.shapes, elbow.shortening, tip.shapes, tip.shortening)
+
+    def row(
+        self,
+        k: int,
+        q: FloatArray,
+        qd: FloatArray,
+        deflection: tuple[float, float],
+        measured: tuple[float, float],
+        torque: tuple[float, float],
+    ) -> Row:
+        """Return the row of tick ``k`` in the order of :data:`COLUMNS`.
+
+        ``q``, ``qd`` ``(n,)``: plant coordinates and rates; ``deflection``:
+        delta1, delta2 (m); ``measured``: x, y of the sensed point as delivered
+        (m); ``torque``: tau1, tau2 (N m).
+        """
+        reference = self._reference.at(k)
+        joints_and_points = outline(q, qd, *self._lengths, *self._shapes)
+        th1, th2, dth1, dth2 = joints_and_points[:4]
+        return (
+            k * self._period_ns / NS_PER_S, th1, th2, dth1, dth2, *deflection,
+            *joints_and_points[4:], *measured, reference[0], reference[1], *torque,
+            gain_of(self._config, *deflection),
+        )  # fmt: skip
+
+
+@compiled
+def outline(
+    q: FloatArray,
+    qd: FloatArray,
+    length1: float,
+    length2: float,
+    elbow_shapes: FloatArray,
+    elbow_shortening: FloatArray,
+    tip_shapes: FloatArray,
+    tip_shortening: FloatArray,
+) -> tuple[float, float, float, float, float, float, float, float, float, float]:
+    """Return theta1, theta2, their rates, and x, y of bent elbow, bent tip and rigid tip."""
+    ex, ey, _, _ = elastic_point(q, qd, elbow_shapes, elbow_shortening)
+    x, y, _, _ = elastic_point(q, qd, tip_shapes, tip_shortening)
+    rx, ry, _, _ = rigid_point(length1, length2, q[0], q[1], 0.0, 0.0)
+    return q[0], q[1], qd[0], qd[1], ex, ey, x, y, rx, ry

@@ -1,0 +1,170 @@
+"""Joint encoder and tip sensor: what is measured, when, and how badly.
+
+A sample delivered at tick k is the value at t_k - latency and is stamped with
+that time of measurement.  Noise and counts are those of that one reading, so
+they are added to the delayed value.  They act on positions; rates are taken
+as a measurement of their own and stay ideal (differencing the angles would
+give noise of sqrt(2) noise_std / tick on them).
+
+Noise comes from numpy's PCG64, seeded by ``seed`` and the sensor's name: the
+same in every process layout.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.delay import BufferDelay, PadeDelay, Sample4
+from flexarm_ros.core.kinematics import make_point
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import NS_PER_S, T0_NS, Timeline, named_ns
+
+Measurement = tuple[int, float, float, float, float]
+
+_BLOCK = 512
+
+
+class Noise:
+    """Pairs of independent standard normal numbers, drawn in order."""
+
+    def __init__(self, seed: int, name: str) -> None:
+        sequence = np.random.SeedSequence(seed, spawn_key=tuple(name.encode()))
+        self._generator = np.random.Generator(np.random.PCG64(sequence))
+        self._block: list[list[float]] = []
+
+    def pair(self) -> tuple[float, float]:
+        """Return the next two numbers of the sequence."""
+        if not self._block:
+            self._block = self._generator.standard_normal((_BLOCK, 2)).tolist()[::-1]
+        first, second = self._block.pop()
+        return first, second
+
+
+class _Latency:
+    """A delay line and its latency; stamps are t0 + t_k - latency."""
+
+    def __init__(self, node: str, seconds: float, period_ns: int, model: str) -> None:
+        self._key = f"{node}.latency"
+        self.ns = named_ns(self._key, seconds)
+        self._period_ns = period_ns
+        self._line: BufferDelay | PadeDelay
+        if model == "pade2":
+            self._line = PadeDelay(period_ns, self.ns)
+        else:
+            self._line = BufferDelay(period_ns, self.ns)
+
+    def set_ns(self, latency_ns: int) -> None:
+        try:
+            self._line.set_latency_ns(latency_ns)
+        except ValueError as error:
+            raise ValueError(f"{self._key}: {error}") from None
+        self.ns = latency_ns
+
+    def step(self, k: int, a: float, b: float, c: float, d: float) -> tuple[int, Sample4]:
+        return T0_NS + k * self._period_ns - self.ns, self._line.step(k, a, b, c, d)
+
+
+class Encoder:
+    """The joint encoders: angles (rad) and rates (rad/s) of theta1 and theta2."""
+
+    def __init__(self, config: RunConfig) -> None:
+        parameters = config.encoder
+        period_ns = Timeline.of(config.run).period_ns
+        self._latency = _Latency("encoder", parameters.latency, period_ns, "buffer")
+        self._noise = Noise(config.run.seed, "encoder")
+        self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
+
+    def set_latency_ns(self, latency_ns: int) -> None:
+        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.delay`)."""
+        self._latency.set_ns(latency_ns)
+
+    def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
+        """Return stamp_ns, theta1, theta2, dtheta1, dtheta2 as delivered at tick ``k``.
+
+        Call once a tick, in order, with the plant's state of that tick.
+        """
+        stamp, (a, b, c, d) = self._latency.step(
+            k, float(q[0]), float(q[1]), float(qd[0]), float(qd[1])
+        )
+        if self.noise_std > 0.0:
+            first, second = self._noise.pair()
+            a, b = a + self.noise_std * first, b + self.noise_std * second
+        if self.resolution > 0.0:
+            a, b = _count(a, self.resolution), _count(b, self.resolution)
+        return stamp, a, b, c, d
+
+
+def _count(angle: float, resolution: float) -> float:
+    """The angle of the nearest count; rounding of halves is to even, as in IEEE 754."""
+    return round(angle / resolution) * resolution if abs(angle) < 1e15 * resolution else angle
+
+
+class TipSensor:
+    """The position sensor ``tip_sensor.location`` m along the arm: x, y, vx, vy in ``base``.
+
+    With ``tip_sensor.rate`` a new sample is delivered every whole number of
+    ticks from tick 0 on, and held, with its own stamp, until the next.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        parameters, timeline = config.tip_sensor, Timeline.of(config.run)
+        check_location(config)
+        self._point = make_point(
+            config.plant, parameters.location, parameters.measurand == "elastic"
+        )
+        self._latency = _Latency(
+            "tip_sensor", parameters.latency, timeline.period_ns, parameters.latency_model
+        )
+        self._noise = Noise(config.run.seed, "tip_sensor")
+        self._every = ticks_per_sample(parameters.rate, timeline.period_ns)
+        self.noise_std = parameters.noise_std
+        self._held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
+
+    def set_latency_ns(self, latency_ns: int) -> None:
+        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.delay`)."""
+        self._latency.set_ns(latency_ns)
+
+    def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
+        """Return stamp_ns, x, y, vx, vy of the sensed point as delivered at tick ``k``.
+
+        Call once a tick, in order, with the plant's state of that tick.
+        """
+        stamp, (x, y, vx, vy) = self._latency.step(k, *self._point(q, qd))
+        if k % self._every == 0:
+            if self.noise_std > 0.0:
+                first, second = self._noise.pair()
+                x, y = x + self.noise_std * first, y + self.noise_std * second
+            self._held = (stamp, x, y, vx, vy)
+        return self._held
+
+
+def ticks_per_sample(rate: float, period_ns: int) -> int:
+    """Return the whole number of ticks between samples at ``rate`` Hz; 1 for 0.
+
+    Raises ``ValueError`` where it is not whole, in exact arithmetic.
+    """
+    if rate == 0.0:
+        return 1
+    ticks = NS_PER_S / (Fraction(Decimal(repr(rate))) * period_ns)
+    if ticks.denominator != 1:
+        control = float(Fraction(NS_PER_S, period_ns))
+        raise ValueError(
+            f"tip_sensor.rate: {rate!r} Hz, allowed: 0 or the control rate of {control:g} Hz "
+            "divided by a whole number"
+        )
+    return ticks.numerator
+
+
+def check_location(config: RunConfig) -> None:
+    """Raise ``ValueError`` where the tip sensor is not between elbow and tip."""
+    # As decimals: 0.7 + 0.1 is 0.8, which it is not in binary floating point.
+    low, beyond = (Decimal(repr(length)) for length in config.plant.length)
+    location = Decimal(repr(config.tip_sensor.location))
+    if not low <= location <= low + beyond:
+        raise ValueError(
+            f"tip_sensor.location: {location} m, allowed: {low} (elbow) to {low + beyond} m (tip)"
+        )

@@ -1,0 +1,186 @@
+"""The sampled closed loop, linearised about rest at a pose of the arm.
+
+The loop's state is
+
+    (x, x', what each sensor's delay line holds, a held tip sample, the law's own state)
+
+at the start of a tick; the sensors deliver, the law answers, the torques are
+held and the arm moves to the next.  Small motions about the pose die out when
+every eigenvalue of that one-tick matrix is inside the unit circle.
+
+For (21) this holds at the gain K_s lambda(0, 0) of straight links.  Another
+gain, by ``factor``, freezes lambda at what it is for bent ones: a loop that
+does not exist at rest, but that the arm has while it swings.
+
+Not in a linear analysis: torque limits, noise, counts, speed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.modes import linearise
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.plant import make_plant
+from flexarm_ros.core.sensors import ticks_per_sample
+from flexarm_ros.core.stability_law import LinearLaw, linear_law
+from flexarm_ros.core.stability_parts import (
+    DelayLine,
+    buffer_line,
+    hold_matrices,
+    line_length,
+    pade_line,
+)
+from flexarm_ros.core.timeline import NS_PER_S, Timeline, named_ns
+
+MOST_STATES = 1500
+"""Largest state of a loop that is analysed: its eigenvalues take some ten seconds."""
+
+NODES = ("encoder", "tip_sensor")
+CHANNELS = 4
+
+
+class SampledLoop:
+    """The closed loop of a scenario about rest at an elbow angle, over one tick.
+
+    ``theta2``, rad; theta1 is 0, since neither arm nor law knows a direction.
+    ``integrator``: ``exact``, or ``rk4``, the plant's own steps.  ``compress``
+    keeps of a sensor's past only those combinations of its four channels that
+    the law reads; without it they are the channels themselves.
+
+    Raises NoLinearFormError, and ``ValueError`` for a latency of too many ticks.
+    """
+
+    def __init__(
+        self, config: RunConfig, theta2: float, integrator: str = "exact", compress: bool = True
+    ) -> None:
+        self.config, self.theta2 = config, theta2
+        timeline, tip = Timeline.of(config.run), config.tip_sensor
+        self.period, self.period_ns = timeline.period, timeline.period_ns
+        self.arm = linearise(config, theta2)
+        self.law = linear_law(config, self.arm)
+        substeps = make_plant(config).substeps if integrator == "rk4" else None
+        self.hold = hold_matrices(self.arm, self.period, substeps)
+        self.ticks_per_sample = ticks_per_sample(tip.rate, self.period_ns)
+        point = self.arm.point(tip.location, tip.measurand == "elastic")
+        joints = np.eye(2, len(self.arm.mass))
+        self._sensed = tuple(np.kron(np.eye(2), part) for part in (joints, point))
+        self._compress, self._pade = compress, tip.latency_model == "pade2"
+        self._latencies = (
+            named_ns("encoder.latency", config.encoder.latency),
+            named_ns("tip_sensor.latency", tip.latency),
+        )
+
+    @property
+    def latency_ns(self) -> int:
+        """The latency of ``controller.feedback``'s sensor, which :meth:`matrix` may vary."""
+        return self._latencies[NODES.index(self.config.controller.feedback)]
+
+    @property
+    def longest_latency_ns(self) -> int:
+        """The longest latency of that sensor that :meth:`matrix` takes."""
+        if self.config.controller.feedback == "tip_sensor" and self._pade:
+            return NS_PER_S
+        width = max(len(self._split(self.law, len(self.hold[0]) + CHANNELS * i)[1]) for i in (0, 1))
+        return MOST_STATES // max(width, 1) * self.period_ns
+
+    @property
+    def gain(self) -> float:
+        """The law's own gain, K_s lambda(0, 0) of (21), that ``factor`` multiplies."""
+        return self.law.gain
+
+    def matrix(self, factor: float = 1.0, latency_ns: int | None = None) -> FloatArray:
+        """Return the state's matrix over one tick, or over a slower tip sensor's sample.
+
+        ``factor`` multiplies the torques; ``latency_ns`` takes the place of
+        :attr:`latency_ns`.
+        """
+        latencies = dict(zip(NODES, self._latencies, strict=True))
+        if latency_ns is not None:
+            latencies[self.config.controller.feedback] = latency_ns
+        law = self.law.scaled(factor)
+        fresh = self._tick(law, latencies, fresh=True)
+        if self.ticks_per_sample == 1:
+            return fresh
+        held = self._tick(law, latencies, fresh=False)
+        return np.asarray(np.linalg.matrix_power(held, self.ticks_per_sample - 1) @ fresh)
+
+    def eigenvalues(
+        self, factor: float = 1.0, latency_ns: int | None = None
+    ) -> NDArray[np.complex128]:
+        """Return the eigenvalues a tick, ``(states,)``, the largest modulus first.
+
+        Where a tip sample lasts several ticks they are the roots of those over them.
+        """
+        values = np.linalg.eigvals(self.matrix(factor, latency_ns)).astype(complex)
+        if self.ticks_per_sample > 1:
+            share = 1.0 / self.ticks_per_sample
+            values = np.abs(values) ** share * np.exp(1j * share * np.angle(values))
+        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+
+    def modulus(self, factor: float = 1.0, latency_ns: int | None = None) -> float:
+        """Return the largest modulus a tick."""
+        return float(np.abs(self.eigenvalues(factor, latency_ns)[0]))
+
+    def _line(self, node: str, latency_ns: int, width: int) -> DelayLine:
+        if node == "tip_sensor" and self._pade:
+            return pade_line(self.period_ns, latency_ns).wide(width)
+        if width * line_length(self.period_ns, latency_ns) > MOST_STATES:
+            raise ValueError(
+                f"{node}.latency: {latency_ns / 1e9:g} s is {latency_ns // self.period_ns} ticks, "
+                f"too many for this analysis (at most {MOST_STATES // width})"
+            )
+        return buffer_line(self.period_ns, latency_ns).wide(width)
+
+    def _tick(self, law: LinearLaw, latencies: dict[str, int], fresh: bool) -> FloatArray:
+        """Return the one-tick matrix; ``fresh``: the tip sensor takes a sample at this tick."""
+        a, b = self.hold
+        size, own = len(a), len(law.a)
+        split = [self._split(law, size + CHANNELS * i) for i in (0, 1)]
+        lines = [
+            self._line(node, latencies[node], len(combined))
+            for node, (_, combined) in zip(NODES, split, strict=True)
+        ]
+        kept = len(split[1][1]) if self.ticks_per_sample > 1 else 0
+        ends = np.cumsum([size, len(lines[0].a), len(lines[1].a), kept, own])
+        first, second, store, memory = (
+            slice(int(start), int(end)) for start, end in zip(ends, ends[1:], strict=False)
+        )
+        total = int(ends[-1])
+        result = np.zeros((total, total))
+        # The law's inputs as rows over the whole state: b for its own state, d for the torques.
+        rows = np.vstack([law.b, law.d])[:, :size] @ np.eye(size, total)
+        for place, line, sensed, (gains, combined) in zip(
+            (first, second), lines, self._sensed, split, strict=True
+        ):
+            sample = combined @ sensed
+            result[place, :size], result[place, place] = line.b @ sample, line.a
+            delivered = np.zeros((len(combined), total))
+            delivered[:, :size], delivered[:, place] = line.d @ sample, line.c
+            if place is second and kept:
+                if not fresh:
+                    delivered[:] = np.eye(kept, total, store.start)
+                result[store] = delivered
+            rows += gains @ delivered
+        rows[:own, memory] += law.a
+        rows[own:, memory] += law.c
+        result[memory] = rows[:own]
+        result[:size] = b @ rows[own:]
+        result[:size, :size] += a
+        return result
+
+    def _split(self, law: LinearLaw, start: int) -> tuple[FloatArray, FloatArray]:
+        """Split the law's columns of a sensor: gains ``(m + 2, r)`` times combinations ``(r, 4)``.
+
+        r is the rank of the columns, as small as can be.
+        """
+        columns = np.vstack([law.b, law.d])[:, start : start + CHANNELS]
+        if not columns.any():
+            return np.zeros((len(columns), 0)), np.zeros((0, CHANNELS))
+        if not self._compress:
+            return columns, np.eye(CHANNELS)
+        left, values, right = np.linalg.svd(columns, full_matrices=False)
+        rank = int(np.sum(values > 1e-13 * values[0]))
+        return left[:, :rank] * values[:rank], right[:rank]

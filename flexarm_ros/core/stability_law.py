@@ -1,0 +1,102 @@
+"""Control laws about rest: what they make of small deviations.
+
+The arm rests with straight links and the reference is constant at its tip, so
+that no force acts: the derivative of J^T multiplies nothing, and (20) and (21)
+are
+
+    tau = -g J^T (Kp dp + Kd dv),
+
+dp and dv being the sensed deviations of the tip.  For (20) g = 1.  For (21)
+g = K_s lambda(0, 0), exactly: lambda's own slope multiplies no force either.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.control import LAWS, gain_of
+from flexarm_ros.core.kinematics import jacobian
+from flexarm_ros.core.modes import LinearArm
+from flexarm_ros.core.parameters import RunConfig
+
+
+class NoLinearFormError(ValueError):
+    """The law has no linear form."""
+
+
+@dataclass(frozen=True)
+class LinearLaw:
+    """A law about rest: s+ = a s + b u, tau = c s + d u, deviations from equilibrium.
+
+    ``a`` ``(m, m)``, ``b`` ``(m, i)``, ``c`` ``(2, m)``, ``d`` ``(2, i)``; u
+    has i = 2 n + 8 entries: the plant's n coordinates and n rates of this
+    tick, then the encoder's (theta1, theta2 and their rates) and the tip
+    sensor's (x, y, vx, vy in frame ``base``) samples as delivered.  ``gain``
+    is a factor that the torques have: K_s lambda of (21), 1 where there is none.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    d: FloatArray
+    gain: float = 1.0
+
+    def scaled(self, factor: float) -> LinearLaw:
+        """Return the law with both torques multiplied by ``factor``."""
+        return replace(self, c=factor * self.c, d=factor * self.d, gain=factor * self.gain)
+
+    @classmethod
+    def static(cls, d: FloatArray) -> LinearLaw:
+        """Return the law tau = d u."""
+        inputs = d.shape[1]
+        return cls(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((2, 0)), d)
+
+
+def linear_law(config: RunConfig, arm: LinearArm) -> LinearLaw:
+    """Return the law of ``config`` about rest at ``arm``'s pose.
+
+    A law other than (20) and (21) takes part by a class method
+    ``linear_form(config, arm) -> LinearLaw``.  Raises NoLinearFormError for one
+    that has none.
+    """
+    name = config.controller.law
+    if name == "pd":
+        return LinearLaw.static(_jacobian_law(config, arm))
+    if name == "fls":
+        gain = config.controller.ks * gain_of(config, 0.0, 0.0)
+        return LinearLaw.static(_jacobian_law(config, arm)).scaled(gain)
+    form: Callable[[RunConfig, LinearArm], LinearLaw] | None
+    form = getattr(LAWS[name], "linear_form", None)
+    if form is None:
+        raise NoLinearFormError(f"controller.law: {name} has no linear form, no loop to analyse")
+    law: LinearLaw = form(config, arm)
+    return law
+
+
+def _jacobian_law(config: RunConfig, arm: LinearArm) -> FloatArray:
+    """Return d, shape ``(2, 2 n + 8)``, of tau = J^T (Kp e + Kd e')."""
+    controller, size = config.controller, len(arm.mass)
+    whole = sum(config.plant.length)
+    j11, j12, j21, j22 = jacobian(config.plant.length, arm.theta1, arm.theta2, whole)
+    tip = np.array([[j11, j12], [j21, j22]])
+    position, rate = np.zeros((2, 2 * size + 8)), np.zeros((2, 2 * size + 8))
+    encoder, sensor = 2 * size, 2 * size + 4
+    if controller.feedback == "encoder":
+        position[:, encoder : encoder + 2] = tip
+        rate[:, encoder + 2 : encoder + 4] = tip
+    else:
+        # The rest of link 2 is carried on at this tick's joint angles.
+        rest = max(whole - config.tip_sensor.location, 0.0)
+        angle = arm.theta1 + arm.theta2
+        carried = np.outer([-rest * math.sin(angle), rest * math.cos(angle)], [1.0, 1.0])
+        position[:, sensor : sensor + 2] = rate[:, sensor + 2 :] = np.eye(2)
+        position[:, :2] = rate[:, size : size + 2] = carried
+    if controller.velocity_source == "encoder":
+        rate[:] = 0.0
+        rate[:, size : size + 2] = tip
+    return np.asarray(-tip.T @ (controller.kp * position + controller.kd * rate))

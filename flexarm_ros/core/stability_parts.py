@@ -1,0 +1,92 @@
+"""Parts of a sampled loop as state-space matrices: the held plant and the delay lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.delay import pade2_matrices
+from flexarm_ros.core.modes import LinearArm
+
+
+def hold_matrices(
+    arm: LinearArm, period: float, substeps: int | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return A ``(2n, 2n)`` and B ``(2n, 2)`` of one tick of ``period`` s with the torques held.
+
+    Exact (Astrom and Wittenmark, Computer-Controlled Systems, 3rd edition,
+    section 2.3), or with ``substeps`` the result of that many classical
+    Runge-Kutta steps, which is what the plants compute: the polynomial
+    1 + z + z^2/2 + z^3/6 + z^4/24 of the continuous matrix times the step.
+    """
+    state, force = arm.state_space()
+    size, inputs = force.shape
+    whole = np.zeros((size + inputs, size + inputs))
+    whole[:size, :size], whole[:size, size:] = state, force
+    if substeps is None:
+        result = expm(whole * period)
+    else:
+        z, one = whole * (period / substeps), np.eye(size + inputs)
+        step = one + z @ (one + z @ (one + z @ (one + z / 4.0) / 3.0) / 2.0)
+        result = np.linalg.matrix_power(step, substeps)
+    return result[:size, :size], result[:size, size:]
+
+
+@dataclass(frozen=True)
+class DelayLine:
+    """A delay as h+ = a h + b y, delivered = c h + d y.
+
+    For ``w`` channels and l states each: ``a`` ``(l w, l w)``, ``b`` ``(l w, w)``,
+    ``c`` ``(w, l w)``, ``d`` ``(w, w)``; the channels of one age stand together.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+    d: FloatArray
+
+    def wide(self, channels: int) -> DelayLine:
+        """Return the line of one channel for ``channels`` equal ones."""
+
+        def wide(part: FloatArray) -> FloatArray:
+            return np.asarray(np.kron(part, np.eye(channels)), dtype=float)
+
+        return DelayLine(wide(self.a), wide(self.b), wide(self.c), wide(self.d))
+
+
+def line_length(period_ns: int, latency_ns: int) -> int:
+    """Return the number of past samples that :func:`buffer_line` holds."""
+    return -(-latency_ns // period_ns)
+
+
+def buffer_line(period_ns: int, latency_ns: int) -> DelayLine:
+    """Return the one channel's line of :class:`flexarm_ros.core.delay.BufferDelay`.
+
+    States: the samples of the ticks before, the newest first.  A latency of
+    w + p ticks, 0 <= p < 1, weighs the samples of age w and w + 1 with 1 - p and p.
+    """
+    ticks, rest = divmod(latency_ns, period_ns)
+    length = line_length(period_ns, latency_ns)
+    weights, first = np.zeros((1, length + 1)), np.zeros((length, 1))
+    weights[0, ticks] = 1.0 - rest / period_ns
+    if rest:
+        weights[0, ticks + 1] = rest / period_ns
+    first[:1] = 1.0
+    return DelayLine(np.eye(length, k=-1), first, weights[:, 1:], weights[:, :1])
+
+
+def pade_line(period_ns: int, latency_ns: int) -> DelayLine:
+    """Return the one channel's line of :class:`flexarm_ros.core.delay.PadeDelay`.
+
+    States: its z1, z2 and the last input.
+    """
+    if latency_ns == 0:
+        return buffer_line(period_ns, 0)
+    m = pade2_matrices(period_ns / latency_ns)
+    a, b = np.zeros((3, 3)), np.array([[m[0, 3]], [m[1, 3]], [1.0]])
+    # The filter's rows are factors of z1, z2, the last and the new input; it gives y - z2.
+    a[:2] = m[:, :3]
+    return DelayLine(a, b, -a[1:2], 1.0 - b[1:2])

@@ -1,0 +1,78 @@
+"""Time as integer nanoseconds: ticks, stamps and exact conversion of seconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+
+from flexarm_ros.core.parameters import RunParameters
+
+T0_NS = 1_000_000_000
+"""Stamp of tick 0: one second, since a stamp of zero means "no time" in ROS."""
+
+NS_PER_S = 1_000_000_000
+
+
+def seconds_to_ns(seconds: float) -> int:
+    """Return ``seconds`` as whole nanoseconds, exactly as its decimal text says.
+
+    Raises ``ValueError`` where the text times 1e9 is not an integer, or where
+    ``seconds`` is not finite: nothing is ever rounded.
+    """
+    scaled = Fraction(Decimal(repr(float(seconds)))) if _finite(seconds) else None
+    if scaled is None or (scaled * NS_PER_S).denominator != 1:
+        raise ValueError(f"{seconds!r} s is not a whole number of nanoseconds")
+    return int(scaled * NS_PER_S)
+
+
+def _finite(value: float) -> bool:
+    return value - value == 0.0
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """The ticks of a run: tick k is at ``k * period_ns``, stamped ``T0_NS`` later."""
+
+    period_ns: int
+    ticks: int
+
+    @classmethod
+    def of(cls, run: RunParameters) -> Timeline:
+        """Return the timeline of a run.
+
+        Raises ``ValueError``, naming the key, where a time is not a whole
+        number of nanoseconds or the duration not a whole number of ticks.
+        """
+        period = named_ns("control_period", run.control_period)
+        duration = named_ns("duration", run.duration)
+        if period < 1:
+            raise ValueError(f"control_period: {run.control_period!r} s, must be 1 ns or more")
+        if duration < period or duration % period:
+            raise ValueError(
+                f"duration: {run.duration!r} s is not a whole number of ticks of "
+                f"{run.control_period!r} s (control_period)"
+            )
+        return cls(period, duration // period)
+
+    @property
+    def period(self) -> float:
+        """The tick in seconds, for formulas only."""
+        return self.period_ns / NS_PER_S
+
+    @property
+    def duration_ns(self) -> int:
+        """The whole run in nanoseconds."""
+        return self.period_ns * self.ticks
+
+    def stamp_ns(self, k: int) -> int:
+        """Return the stamp of tick ``k``."""
+        return T0_NS + k * self.period_ns
+
+
+def named_ns(key: str, seconds: float) -> int:
+    """Return ``seconds`` in nanoseconds; the ``ValueError`` names ``key``."""
+    try:
+        return seconds_to_ns(seconds)
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None

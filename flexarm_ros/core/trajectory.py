@@ -1,0 +1,262 @@
+"""The commanded motion of the end effector: square, hold and way points.
+
+A trajectory is a path of straight sides, each with its own time.  At a way
+point the velocity is already that of the side that begins there.  The delayed
+command (the paper's forward-loop correction) at a time before ``delay`` is the
+start position, at rest, as the delayed feedback before the start is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from flexarm_ros.core.kinematics import REACH_TOLERANCE, inverse_kinematics, reach, rigid_point
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import NS_PER_S, Timeline, named_ns
+
+Vector6 = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Side:
+    """One straight side: from ``x``, ``y`` by ``dx``, ``dy`` (m) from ``start_ns`` on."""
+
+    start_ns: int
+    time_ns: int
+    x: float
+    y: float
+    dx: float
+    dy: float
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A change of direction: when, at which corner, and the old direction (unit vector)."""
+
+    time_ns: int
+    x: float
+    y: float
+    along_x: float
+    along_y: float
+
+
+class Path:
+    """The sides of a trajectory; ``lap_ns`` is the period of one that repeats, else 0."""
+
+    def __init__(self, sides: list[Side], lap_ns: int, smooth: bool) -> None:
+        self.sides, self.lap_ns, self._smooth = sides, lap_ns, smooth
+        self._last = sides[0]
+
+    def at(self, time_ns: int) -> Vector6:
+        """Return x, y, vx, vy, ax, ay (m, s) at ``time_ns`` >= 0; at rest after the end."""
+        if self.lap_ns:
+            time_ns %= self.lap_ns
+        side = self._side(time_ns)
+        elapsed = time_ns - side.start_ns
+        if elapsed >= side.time_ns:
+            return side.x + side.dx, side.y + side.dy, 0.0, 0.0, 0.0, 0.0
+        part, seconds = elapsed / side.time_ns, side.time_ns / NS_PER_S
+        if not self._smooth:
+            return (
+                side.x + side.dx * part, side.y + side.dy * part,
+                side.dx / seconds, side.dy / seconds, 0.0, 0.0,
+            )  # fmt: skip
+        share, rate, second = rest_to_rest(part)
+        rate, second = rate / seconds, second / (seconds * seconds)
+        return (
+            side.x + side.dx * share, side.y + side.dy * share,
+            side.dx * rate, side.dy * rate, side.dx * second, side.dy * second,
+        )  # fmt: skip
+
+    def _side(self, time_ns: int) -> Side:
+        side = self._last
+        if side.start_ns <= time_ns < side.start_ns + side.time_ns:
+            return side
+        for side in self.sides:
+            if time_ns < side.start_ns + side.time_ns:
+                break
+        self._last = side
+        return side
+
+    def switch(self, index: int) -> Switch | None:
+        """Return direction switch ``index`` (from 0) in order of time, or ``None``."""
+        if self.lap_ns:
+            lap, place = divmod(index, len(self.sides))
+            return _corner(self.sides[place], lap * self.lap_ns)
+        turns = [
+            s
+            for s, after in zip(self.sides, [*self.sides[1:], None], strict=True)
+            if _turns(s, after)
+        ]
+        return _corner(turns[index], 0) if index < len(turns) else None
+
+
+def _turns(side: Side, after: Side | None) -> bool:
+    if side.dx == 0.0 and side.dy == 0.0:
+        return False
+    if after is None:
+        return True
+    old, new = math.hypot(side.dx, side.dy), math.hypot(after.dx, after.dy)
+    cross = side.dx * after.dy - side.dy * after.dx
+    dot = side.dx * after.dx + side.dy * after.dy
+    return new == 0.0 or dot <= 0.0 or abs(cross) > 1e-9 * old * new
+
+
+def _corner(side: Side, offset_ns: int) -> Switch:
+    length = math.hypot(side.dx, side.dy)
+    time_ns = offset_ns + side.start_ns + side.time_ns
+    return Switch(
+        time_ns, side.x + side.dx, side.y + side.dy, side.dx / length, side.dy / length
+    )  # fmt: skip
+
+
+def rest_to_rest(part: float) -> tuple[float, float, float]:
+    """Return share of the way, its rate and second rate at ``part`` of the time, 0 to 1.
+
+    The septic 35 p^4 - 84 p^5 + 70 p^6 - 20 p^7: velocity, acceleration and
+    jerk vanish at both ends.
+    """
+    p, r = part, 1.0 - part
+    share = p**4 * (35.0 + p * (-84.0 + p * (70.0 - 20.0 * p)))
+    return share, 140.0 * (p * r) ** 3, 420.0 * (p * r) ** 2 * (1.0 - 2.0 * p)
+
+
+def make_path(config: RunConfig) -> Path:
+    """Return the path of ``config``; ``ValueError`` names the key at fault."""
+    parameters = config.trajectory
+    smooth = parameters.time_law == "smooth"
+    if parameters.kind == "square":
+        half = 0.5 * parameters.side
+        time_ns = named_ns("trajectory.side_time", parameters.side_time)
+        corners = [(-half, -half), (-half, half), (half, half), (half, -half)]
+        sides = [
+            Side(
+                i * time_ns, time_ns, x, y, corners[(i + 1) % 4][0] - x, corners[(i + 1) % 4][1] - y
+            )
+            for i, (x, y) in enumerate(corners)
+        ]
+        return Path(sides, 4 * time_ns, smooth)
+    if parameters.kind == "hold":
+        x, y = _hold_position(config)
+        return Path([Side(0, 1, x, y, 0.0, 0.0)], 0, smooth)
+    return Path(_waypoint_sides(config), 0, smooth)
+
+
+def _hold_position(config: RunConfig) -> tuple[float, float]:
+    if config.trajectory.hold_position is not None:
+        return config.trajectory.hold_position
+    if config.plant.initial_position is None:
+        return -0.5 * config.trajectory.side, -0.5 * config.trajectory.side
+    x, y, _, _ = rigid_point(*config.plant.length, *config.plant.initial_position, 0.0, 0.0)
+    return x, y
+
+
+def _waypoint_sides(config: RunConfig) -> list[Side]:
+    parameters = config.trajectory
+    times, xs, ys = parameters.waypoint_times, parameters.waypoint_x, parameters.waypoint_y
+    for name, values in (("waypoint_times", times), ("waypoint_x", xs), ("waypoint_y", ys)):
+        if values is None:
+            raise ValueError(f"trajectory.{name}: missing, needed by trajectory.kind waypoints")
+        if times is not None and len(values) != len(times):
+            raise ValueError(
+                f"trajectory.{name}: {len(values)} values, waypoint_times has {len(times)}"
+            )
+    assert times is not None and xs is not None and ys is not None
+    stamps = [named_ns("trajectory.waypoint_times", t) for t in times]
+    if stamps[0] != 0 or any(b <= a for a, b in pairwise(stamps)):
+        raise ValueError(f"trajectory.waypoint_times: {list(times)}, must rise from 0")
+    if len(stamps) == 1:
+        return [Side(0, 1, xs[0], ys[0], 0.0, 0.0)]
+    return [
+        Side(
+            stamps[i], stamps[i + 1] - stamps[i], xs[i], ys[i], xs[i + 1] - xs[i], ys[i + 1] - ys[i]
+        )
+        for i in range(len(stamps) - 1)
+    ]
+
+
+class Reference:
+    """The reference of a run, tick by tick."""
+
+    def __init__(self, config: RunConfig) -> None:
+        self.path = make_path(config)
+        self._period_ns = Timeline.of(config.run).period_ns
+        self._delay_ns = 0
+        self.set_delay_ns(named_ns("trajectory.delay", config.trajectory.delay))
+        x, y = self.path.at(0)[:2]
+        self._start = (x, y, 0.0, 0.0)
+
+    def at(self, k: int) -> Vector6:
+        """Return the undelayed x, y, vx, vy, ax, ay (m, s; ``base``) at tick ``k``."""
+        return self.path.at(k * self._period_ns)
+
+    def command(self, k: int) -> tuple[float, float, float, float]:
+        """Return x, y, vx, vy of ``trajectory.delay`` ago: what the controller is told.
+
+        Before the start: the start position with zero velocity.
+        """
+        time_ns = k * self._period_ns - self._delay_ns
+        return self._start if time_ns < 0 else self.path.at(time_ns)[:4]
+
+    def set_delay_ns(self, delay_ns: int) -> None:
+        """Change the delay of the command, from the next tick on."""
+        if delay_ns < 0:
+            raise ValueError(f"trajectory.delay: {delay_ns} ns, must be 0 or more")
+        self._delay_ns = delay_ns
+
+
+def initial_angles(config: RunConfig) -> tuple[float, float]:
+    """Return the joint angles of the start, rad: as given, or on the reference.
+
+    On the reference, the branch with theta2 >= 0 is taken.  Raises
+    ``ValueError``, naming the key, where the reference starts out of reach.
+    """
+    if config.plant.initial_position is not None:
+        return config.plant.initial_position
+    x, y = make_path(config).at(0)[:2]
+    try:
+        return inverse_kinematics(config.plant.length, x, y)
+    except ValueError as error:
+        raise ValueError(f"{_key(config)}: start out of reach, {error}") from None
+
+
+def check_reachable(config: RunConfig) -> None:
+    """Raise ``ValueError``, naming the key, where a point of the path is out of reach.
+
+    The whole path counts, whether or not the run is long enough to fly it.
+    """
+    low, high = reach(config.plant.length)
+    slack = REACH_TOLERANCE * high
+    for side in make_path(config).sides:
+        for x, y in ((side.x, side.y), (side.x + side.dx, side.y + side.dy)):
+            if math.hypot(x, y) > high + slack:
+                raise ValueError(_unreachable(config, x, y, low, high))
+        x, y = _nearest(side)
+        if math.hypot(x, y) < low - slack:
+            raise ValueError(_unreachable(config, x, y, low, high))
+
+
+def _nearest(side: Side) -> tuple[float, float]:
+    """The point of a side that is nearest to the shoulder."""
+    square = side.dx * side.dx + side.dy * side.dy
+    part = -(side.x * side.dx + side.y * side.dy) / square if square > 0.0 else 0.0
+    part = min(1.0, max(0.0, part))
+    return side.x + part * side.dx, side.y + part * side.dy
+
+
+def _key(config: RunConfig) -> str:
+    trajectory = config.trajectory
+    if trajectory.kind == "waypoints":
+        return "trajectory.waypoint_x, waypoint_y"
+    if trajectory.kind == "hold" and trajectory.hold_position is not None:
+        return f"trajectory.hold_position: {list(trajectory.hold_position)}"
+    return f"trajectory.side: {trajectory.side!r}"
+
+
+def _unreachable(config: RunConfig, x: float, y: float, low: float, high: float) -> str:
+    return (
+        f"{_key(config)}: ({x:.6g}, {y:.6g}) m is {math.hypot(x, y):.6g} m from the shoulder, "
+        f"allowed: {low:.6g} to {high:.6g} m"
+    )

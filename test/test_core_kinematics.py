@@ -1,0 +1,86 @@
+"""Kinematics: round trips, derivatives and rigid limits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexarm_ros.core.beam import ClampedFreeModes
+from flexarm_ros.core.kinematics import inverse_kinematics, jacobian, make_point
+from flexarm_ros.core.parameters import PlantParameters
+
+lengths = st.tuples(st.floats(0.5, 10.0), st.floats(0.5, 10.0))
+angle = st.floats(-3.1, 3.1)
+
+
+@given(lengths, angle, st.floats(0.01, 3.13))
+def test_inverse_of_the_forward_kinematics(arm, theta1: float, theta2: float) -> None:
+    x = arm[0] * math.cos(theta1) + arm[1] * math.cos(theta1 + theta2)
+    y = arm[0] * math.sin(theta1) + arm[1] * math.sin(theta1 + theta2)
+    found1, found2 = inverse_kinematics(arm, x, y)
+    assert 0.0 <= found2 <= math.pi
+    assert found2 == pytest.approx(theta2, abs=1e-6)
+    back = make_point(PlantParameters(length=arm), sum(arm), False)
+    q = np.array([found1, found2, 0.0, 0.0])
+    assert back(q, np.zeros(4))[:2] == pytest.approx((x, y), abs=1e-9)
+
+
+@given(lengths, st.floats(1e-6, 10.0), angle)
+def test_out_of_reach_is_refused(arm, excess: float, direction: float) -> None:
+    radius = sum(arm) * (1 + 1e-8) + excess
+    with pytest.raises(ValueError, match="reached are"):
+        inverse_kinematics(arm, radius * math.cos(direction), radius * math.sin(direction))
+
+
+def test_straight_arm_within_rounding_is_reached() -> None:
+    theta1, theta2 = inverse_kinematics((4.5, 4.5), 9.0 * math.cos(0.3), 9.0 * math.sin(0.3))
+    assert (theta1, theta2) == pytest.approx((0.3, 0.0), abs=1e-7)
+
+
+@pytest.mark.parametrize("model", ["eq14", "full"])
+@pytest.mark.parametrize("location", [1.3, 4.5, 6.75, 9.0])
+@pytest.mark.parametrize("elastic", [False, True])
+def test_velocity_is_the_derivative_of_position(model, location: float, elastic: bool) -> None:
+    plant = PlantParameters(model=model, modes=3)
+    point = make_point(plant, location, elastic)
+    rng = np.random.default_rng(2)
+    q, qd = 0.3 * rng.normal(size=8), rng.normal(size=8)
+    h = 1e-6
+    ahead, behind = point(q + h * qd, qd), point(q - h * qd, qd)
+    velocity = [(a - b) / (2 * h) for a, b in zip(ahead[:2], behind[:2], strict=True)]
+    assert point(q, qd)[2:] == pytest.approx(velocity, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize("model", ["eq14", "full"])
+def test_straight_links_move_as_rigid_ones(model: str) -> None:
+    plant = PlantParameters(model=model, modes=2, length=(4.0, 5.0))
+    q, qd = np.array([0.4, 1.1, 0, 0, 0, 0]), np.array([0.7, -0.2, 0, 0, 0, 0])
+    for location in (2.0, 4.0, 6.0, 9.0):
+        rigid = make_point(plant, location, False)(q, qd)
+        assert make_point(plant, location, True)(q, qd) == pytest.approx(rigid, abs=1e-12)
+
+
+def test_bent_arm_drawn_by_hand() -> None:
+    """Straight arm along x, link 1 bent: the elbow goes left and link 2 turns with it."""
+    plant = PlantParameters()
+    link = ClampedFreeModes(4.5, 0.335, 1676.0, 1)
+    q = np.array([0.0, 0.0, 2.0, -1.0])
+    bend1, turn = 2.0 * link.shape(4.5)[0], 2.0 * link.slope(4.5)[0]
+    bend2 = -1.0 * link.shape(4.5)[0]
+    elbow = make_point(plant, 4.5, True)(q, np.zeros(4))
+    assert elbow[:2] == pytest.approx((4.5, bend1))
+    tip = make_point(plant, 9.0, True)(q, np.zeros(4))
+    assert tip[0] == pytest.approx(4.5 + 4.5 * math.cos(turn) - bend2 * math.sin(turn))
+    assert tip[1] == pytest.approx(bend1 + 4.5 * math.sin(turn) + bend2 * math.cos(turn))
+
+
+@given(angle, angle, st.floats(0.0, 9.0))
+def test_jacobian_maps_joint_rates_to_velocities(th1: float, th2: float, location: float) -> None:
+    j11, j12, j21, j22 = jacobian((4.5, 4.5), th1, th2, location)
+    point = make_point(PlantParameters(), location, False)
+    _, _, vx, vy = point(np.array([th1, th2]), np.array([0.3, -1.2]))
+    assert (j11 * 0.3 - j12 * 1.2, j21 * 0.3 - j22 * 1.2) == pytest.approx((vx, vy), abs=1e-12)
