@@ -1,0 +1,41 @@
+"""Reading of a user's text file with limits: regular, not too large, UTF-8."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from flexarm_ros.scenario.errors import ScenarioError, clip
+
+
+def read_text(path: Path, limit: int) -> str:
+    """Return a file's text, at most ``limit`` bytes of UTF-8.
+
+    Raises ScenarioError if it cannot be read, is no regular file (a pipe would block),
+    is too large or is not text.
+    """
+    shown = clip(str(path))
+    try:
+        data = _read(path, limit + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise ScenarioError(f"{shown}: cannot be read: {reason}") from None
+    if len(data) > limit:
+        raise ScenarioError(f"{shown}: larger than the {limit} bytes allowed")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{shown}: not UTF-8 text (byte {error.start})") from None
+    if "\0" in text:
+        raise ScenarioError(f"{shown}: not a text file (it holds a zero byte)")
+    return text
+
+
+def _read(path: Path, size: int) -> bytes:
+    """Return at most ``size`` bytes of a regular file; ValueError if it is none."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    with os.fdopen(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise ValueError("not a regular file")
+        return file.read(size)

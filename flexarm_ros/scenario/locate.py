@@ -1,0 +1,103 @@
+"""Where the shipped scenarios, suites and sweeps are, however the package was installed."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import flexarm_ros
+from flexarm_ros.scenario.errors import ScenarioError, clip, suggestion
+
+PACKAGE = "flexarm_ros"
+SUFFIXES = (".yaml", ".yml")
+
+
+def config_directories() -> list[Path]:
+    """Return the existing ``config`` directories, the nearest to the code first.
+
+    A source tree (or ``pip install -e``) has it beside the package; a wheel puts it into
+    ``share/flexarm_ros/config`` below the prefix, colcon below the install space, which the
+    ament index path names.
+    """
+    package = Path(flexarm_ros.__file__).resolve().parent
+    prefixes = [*package.parents, Path(sys.prefix)]
+    prefixes += [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
+    candidates = [package.parent / "config"]
+    candidates += [prefix / "share" / PACKAGE / "config" for prefix in prefixes]
+    found: list[Path] = []
+    for candidate in candidates:
+        if candidate not in found and (candidate / "fls_tip.yaml").is_file():
+            found.append(candidate)
+    return found
+
+
+def _kind(path: Path) -> str:
+    for line in path.read_text("utf-8").splitlines():
+        if line.startswith("cases:"):
+            return "suite"
+        if line.startswith(("grid:", "draw:")):
+            return "sweep"
+    return "scenario"
+
+
+def _named(kind: str) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for directory in config_directories()[:1]:
+        for path in sorted(directory.glob("*.yaml")):
+            if _kind(path) == kind:
+                found[path.stem] = path
+    return found
+
+
+def shipped() -> dict[str, Path]:
+    """Return ``{name: path}`` of the shipped scenarios, sorted by name."""
+    return _named("scenario")
+
+
+def shipped_suites() -> dict[str, Path]:
+    """Return ``{name: path}`` of the shipped suites."""
+    return _named("suite")
+
+
+def shipped_sweeps() -> dict[str, Path]:
+    """Return ``{name: path}`` of the shipped sweeps."""
+    return _named("sweep")
+
+
+def find(
+    path_or_name: str | os.PathLike[str], known: dict[str, Path] | None = None, base: Path = Path()
+) -> Path:
+    """Return the file that ``path_or_name`` means: a shipped name, or a path below ``base``.
+
+    Raises ScenarioError if there is no such file.
+    """
+    text = os.fspath(path_or_name)
+    known = shipped() if known is None else known
+    if text in known:
+        return known[text]
+    path = base / text
+    try:
+        if path.is_file():
+            return path
+        exists = path.exists()
+    except (OSError, ValueError):
+        exists = False
+    if exists:
+        raise ScenarioError(f"{clip(text)}: not a file")
+    if path.suffix in SUFFIXES or os.sep in text:
+        raise ScenarioError(f"{clip(text)}: no such file")
+    raise ScenarioError(
+        f"{clip(text)}: neither a file nor a shipped name"
+        f"{suggestion(text, known) or '; see: flexarm list'}"
+    )
+
+
+def first_comment(path: Path) -> str:
+    """Return a file's first comment line, its description in ``flexarm list``."""
+    for line in path.read_text("utf-8").splitlines():
+        if line.startswith("#"):
+            return line.lstrip("# ").strip()
+        if line.strip():
+            break
+    return ""

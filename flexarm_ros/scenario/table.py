@@ -1,0 +1,85 @@
+"""The README's table of parameters, printed from their definitions.
+
+``python -m flexarm_ros.scenario.table`` prints it; ``python -m flexarm_ros.scenario.table
+README.md`` puts it between the lines ``<!-- parameters -->`` and ``<!-- /parameters -->``.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.core.parameters import SECTIONS, Spec, specs
+from flexarm_ros.scenario.convert import short
+
+BEGIN, END = "<!-- parameters -->", "<!-- /parameters -->"
+
+
+def markdown() -> str:
+    """Return the table of every parameter as Markdown."""
+    lines = [
+        "| parameter | meaning | unit | default | allowed | paper |",
+        "|---|---|---|---|---|---|",
+    ]
+    for section, cls in SECTIONS.items():
+        for key, (_, spec, default) in specs(cls).items():
+            live = " (may change while running)" if spec.live else ""
+            cells = (
+                f"`{section}.{key}`", spec.doc + live, spec.unit, default_text(default),
+                allowed_text(spec), spec.paper,
+            )  # fmt: skip
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def default_text(default: Any) -> str:
+    """Return a default as it would be written in a scenario; empty where there is none."""
+    if default is None:
+        return ""
+    if isinstance(default, tuple):
+        return "[" + ", ".join(repr(value) for value in default) + "]"
+    if isinstance(default, bool):
+        return str(default).lower()
+    return str(default)
+
+
+def allowed_text(spec: Spec) -> str:
+    """Return what a parameter takes: choices, or type and range."""
+    if spec.choices:
+        return ", ".join(f"`{choice}`" for choice in spec.choices)
+    kind = {"float": "", "int": "integer", "bool": "true, false", "str": "text",
+            "float2": "two values", "floats": "values"}[spec.kind]  # fmt: skip
+    bounds = ""
+    if spec.low is not None and spec.high is not None:
+        bounds = f"{'above ' if spec.low_open else ''}{short(spec.low)} to {short(spec.high)}"
+    elif spec.low is not None:
+        bounds = f"{'above' if spec.low_open else 'at least'} {short(spec.low)}"
+    elif spec.high is not None:
+        bounds = f"at most {short(spec.high)}"
+    return ", ".join(part for part in (kind, bounds) if part)
+
+
+def with_table(text: str) -> str:
+    """Return a document's text with the table of now between its two marks.
+
+    Raises ValueError if the marks are missing.
+    """
+    head, begin, rest = text.partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"no lines {BEGIN} and {END}")
+    return f"{head}{BEGIN}\n{markdown()}{END}{tail}"
+
+
+def main() -> None:
+    """Print the table, or put it into the files that are named."""
+    if len(sys.argv) < 2:
+        print(markdown(), end="")
+    for name in sys.argv[1:]:
+        path = Path(name)
+        path.write_text(with_table(path.read_text("utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

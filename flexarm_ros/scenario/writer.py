@@ -1,0 +1,61 @@
+"""A RunConfig as data and as the parameter file that nodes are given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm_ros.core.parameters import SECTIONS, RunConfig, specs
+from flexarm_ros.scenario.rclyaml import write
+from flexarm_ros.scenario.reader import FIELD_OF
+
+
+def to_dict(config: RunConfig) -> dict[str, dict[str, Any]]:
+    """Return ``{section: {key: value}}`` of every parameter, ``None`` where left out.
+
+    The run's own section is ``/**``; arrays are lists.  ``from_dict`` undoes it (the rows
+    of a torque file travel apart, as ``config.torques``).
+    """
+    data: dict[str, dict[str, Any]] = {}
+    for section, cls in SECTIONS.items():
+        held = getattr(config, FIELD_OF[section])
+        keys = {key: getattr(held, name) for key, (name, _, _) in specs(cls).items()}
+        data[section] = {
+            key: list(value) if isinstance(value, tuple) else value for key, value in keys.items()
+        }
+    return data
+
+
+def dump(config: RunConfig, torque_file: str | None = None) -> str:
+    """Return the scenario as a ROS 2 parameter file, every value that is not left out.
+
+    Floats always have a decimal point, so that rcl and PyYAML read a double, exactly the
+    one held.  ``torque_file`` replaces the path of the torque file (nodes are given one
+    that exists; in a bag it is only a name).
+    """
+    document: dict[str, Any] = {}
+    for section, keys in to_dict(config).items():
+        if section == "controller" and torque_file is not None:
+            keys["torque_file"] = torque_file
+        held = {key: value for key, value in keys.items() if value is not None}
+        document[section] = {"ros__parameters": held}
+    return write(document)
+
+
+def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
+    """Return ``to_dict`` with what was left out as it is then taken.
+
+    Integrator steps a tick, the pose and rates at the start and the held point are filled in;
+    what stays ``None`` has no meaning in this scenario.
+    """
+    from flexarm_ros.core.plant import choose_substeps, highest_frequency
+    from flexarm_ros.core.trajectory import initial_angles, make_path
+
+    data = to_dict(config)
+    plant, trajectory = data["plant"], data["trajectory"]
+    highest = highest_frequency(config)
+    plant["substeps"] = choose_substeps(config.plant, config.run.control_period, highest)
+    plant["initial_position"] = [float(angle) for angle in initial_angles(config)]
+    plant["initial_velocity"] = list(config.plant.initial_velocity or (0.0, 0.0))
+    if trajectory["kind"] == "hold":
+        trajectory["hold_position"] = [float(value) for value in make_path(config).at(0)[:2]]
+    return data

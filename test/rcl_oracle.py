@@ -1,0 +1,44 @@
+"""What real rcl reads from a parameter file: the oracle of the scenario reader's tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+
+OWN = ("use_sim_time", "start_type_description_service")
+
+
+class RclError(Exception):
+    """rcl refused the file."""
+
+
+def read(text: str, directory: Path, node: str = "plant") -> dict[str, Any]:
+    """Return the parameters that a node gets from ``text`` as ``--params-file``."""
+    path = directory / "oracle.yaml"
+    path.write_bytes(text.encode())
+    context = Context()
+    try:
+        rclpy.init(args=["--ros-args", "--params-file", str(path)], context=context)
+    except Exception as error:
+        raise RclError(str(error)) from None
+    try:
+        made = Node(
+            node,
+            context=context,
+            automatically_declare_parameters_from_overrides=True,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        found = {name: made.get_parameter(name).value for name in made._parameters}
+        made.destroy_node()
+    finally:
+        rclpy.shutdown(context=context)
+    return {key: _plain(value) for key, value in found.items() if key not in OWN}
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if hasattr(value, "typecode") or isinstance(value, (list, tuple)) else value
