@@ -1,0 +1,204 @@
+"""Differences between two recorded runs, topic by topic and field by field."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.cdr import FloatArray, IntArray
+from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.tables import batches
+from flexarm_ros.core.parameters import RunConfig
+
+STAMP = "stamp_ns"
+
+
+@dataclass
+class FieldDifference:
+    """How far one field of one topic is apart in the two runs.
+
+    ``largest`` and ``rms`` are of |A - B| (equal infinities and two NaN
+    count as equal, NaN against a number as infinite), ``at_ns`` the time since
+    the start of the largest, ``first_ns`` that of the first beyond tolerance,
+    None where there is none; ``beyond`` counts those.
+    """
+
+    topic: str
+    name: str
+    count: int = 0
+    largest: float = 0.0
+    at_ns: int = 0
+    beyond: int = 0
+    first_ns: int | None = None
+    square_sum: float = 0.0
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the differences."""
+        return math.sqrt(self.square_sum / self.count) if self.count else 0.0
+
+
+@dataclass
+class Comparison:
+    """What came of a comparison.
+
+    ``fields`` in order of topics; ``only_a`` and ``only_b`` count messages of
+    each topic at times that the other run does not have; ``parameters`` tells
+    what the scenarios differ in; ``notes`` what could not be compared.
+    """
+
+    fields: list[FieldDifference] = field(default_factory=list)
+    only_a: dict[str, int] = field(default_factory=dict)
+    only_b: dict[str, int] = field(default_factory=dict)
+    parameters: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def within(self) -> bool:
+        """Whether all fields are within tolerance and no message is without counterpart."""
+        return not (
+            any(f.beyond for f in self.fields)
+            or any(self.only_a.values())
+            or any(self.only_b.values())
+        )
+
+
+class _Side:
+    """One run, read in step with the other: what has been read and not yet compared."""
+
+    def __init__(self, run: str | os.PathLike[str]) -> None:
+        self.reader = BagReader(run)
+        self.names = {topic.path: (STAMP, *topic.codec.fields) for topic in self.reader.topics}
+        self._period = self.reader.timeline.period_ns
+        self._source = batches(self.reader)
+        self.rows: dict[str, tuple[IntArray, FloatArray]] = {}
+        self.until = 0
+        self.ended = False
+
+    def read(self) -> None:
+        """Read the next batch behind what is held."""
+        group = next(self._source, None)
+        if group is None:
+            self.ended, self.until = True, 1 << 62
+            return
+        for batch in group:
+            path = self.reader.topics[batch.topic].path
+            times = batch.ticks * self._period
+            table = np.column_stack([batch.stamps.astype(float), batch.values])
+            if path in self.rows:
+                old_times, old = self.rows[path]
+                times, table = np.concatenate([old_times, times]), np.concatenate([old, table])
+            self.rows[path] = (times, table)
+            if len(times):
+                self.until = max(self.until, int(times[-1]) + 1)
+
+    def take(self, path: str, until: int) -> tuple[IntArray, FloatArray]:
+        """Take the rows of a topic before time ``until``."""
+        empty = (np.zeros(0, np.int64), np.zeros((0, len(self.names[path]))))
+        times, table = self.rows.get(path, empty)
+        cut = int(np.searchsorted(times, until))
+        self.rows[path] = (times[cut:], table[cut:])
+        return times[:cut], table[:cut]
+
+
+def compare(
+    run_a: str | os.PathLike[str],
+    run_b: str | os.PathLike[str],
+    absolute: float = 0.0,
+    relative: float = 0.0,
+) -> Comparison:
+    """Compare the messages of two runs at equal times since the start.
+
+    A field is beyond tolerance where |A - B| > absolute + relative |B|.
+    Fields of the same name are compared, in topics that both have; stamps in
+    ns.  Raises BagError where a run cannot be read.
+    """
+    a, b = _Side(run_a), _Side(run_b)
+    result = Comparison(parameters=list(_parameters(a.reader.config, b.reader.config)))
+    fields = _shared_fields(a, b, result)
+    paths = [topic.path for topic in a.reader.topics]
+    result.only_a, result.only_b = dict.fromkeys(paths, 0), dict.fromkeys(paths, 0)
+    while not (a.ended and b.ended):
+        for side in (a, b):
+            if not side.ended and side.until <= min(a.until, b.until):
+                side.read()
+        until = min(a.until, b.until)
+        for path in paths:
+            times_a, table_a = a.take(path, until)
+            times_b, table_b = b.take(path, until)
+            both, in_a, in_b = np.intersect1d(times_a, times_b, return_indices=True)
+            result.only_a[path] += len(times_a) - len(both)
+            result.only_b[path] += len(times_b) - len(both)
+            for difference, column_a, column_b in fields[path]:
+                _accumulate(
+                    difference, both, table_a[in_a, column_a], table_b[in_b, column_b],
+                    absolute, relative,
+                )  # fmt: skip
+    for side in (a, b):
+        if side.reader.damage is not None:
+            result.notes.append(str(side.reader.damage))
+    return result
+
+
+def _shared_fields(
+    a: _Side, b: _Side, result: Comparison
+) -> dict[str, list[tuple[FieldDifference, int, int]]]:
+    """Return per topic the fields that both runs have, with their columns."""
+    found: dict[str, list[tuple[FieldDifference, int, int]]] = {}
+    for path, names_a in a.names.items():
+        names_b = b.names[path]
+        shared = [name for name in names_a if name in names_b]
+        lonely = [name for name in (*names_a, *names_b) if name not in shared]
+        if lonely:
+            result.notes.append(f"{path}: only one run has {', '.join(lonely)}")
+        found[path] = [
+            (FieldDifference(path, name), names_a.index(name), names_b.index(name))
+            for name in shared
+        ]
+        result.fields += [difference for difference, _, _ in found[path]]
+    return found
+
+
+def _accumulate(
+    difference: FieldDifference,
+    times: IntArray,
+    a: FloatArray,
+    b: FloatArray,
+    absolute: float,
+    relative: float,
+) -> None:
+    if not len(times):
+        return
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = np.abs(a - b)
+        same = (a == b) | (np.isnan(a) & np.isnan(b))
+        apart = np.where(same, 0.0, np.where(np.isnan(apart), np.inf, apart))
+        allowed = absolute + relative * np.abs(b)
+        beyond = ~same & ~(apart <= allowed)
+        difference.square_sum += float(np.sum(apart * apart))
+    difference.count += len(times)
+    place = int(np.argmax(apart))
+    if apart[place] > difference.largest:
+        difference.largest, difference.at_ns = float(apart[place]), int(times[place])
+    count = int(np.count_nonzero(beyond))
+    if count and difference.first_ns is None:
+        difference.first_ns = int(times[int(np.argmax(beyond))])
+    difference.beyond += count
+
+
+def _parameters(a: RunConfig, b: RunConfig) -> Iterator[str]:
+    """Tell each parameter in which two scenarios differ."""
+    dict_a, dict_b = scenario.to_dict(a), scenario.to_dict(b)
+    for section, keys in dict_a.items():
+        for key, value in keys.items():
+            other: Any = dict_b[section][key]
+            if value != other:
+                yield f"{section}.{key}: {value!r} and {other!r}"
+    if a.torques != b.torques:
+        yield "controller.torque_file: other rows"

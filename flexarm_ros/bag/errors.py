@@ -1,0 +1,23 @@
+"""Errors of bags and runs' directories."""
+
+from __future__ import annotations
+
+
+class BagError(Exception):
+    """A bag or a run's directory that cannot be used; one line, fit to show a user."""
+
+
+class BagExistsError(BagError):
+    """The place where a bag should be written is taken."""
+
+
+class BagFormatError(BagError):
+    """Bytes that are no MCAP bag, or a damaged one."""
+
+
+class BagLimitError(BagError):
+    """A bag that would need more memory than is allowed."""
+
+
+class BagContentError(BagError):
+    """A sound bag that is not a run of this package (topics, scenario, ticks)."""

@@ -1,0 +1,134 @@
+"""A bag as CSV or Parquet files: one table a topic, and the trajectory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.bag.errors import BagError
+from flexarm_ros.bag.files import make_directory
+from flexarm_ros.bag.outputs import block_rows
+from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.tables import Batch, batches
+from flexarm_ros.bag.topics import Topic
+from flexarm_ros.core.rows import COLUMNS, Rows
+
+FORMATS = ("csv", "parquet")
+NO_PYARROW = "parquet needs pyarrow, which is not installed: pip install pyarrow"
+
+
+def table_name(topic: Topic) -> str:
+    """Return the name of a topic's file without its ending: ``plant_state``."""
+    return topic.path.strip("/").replace("/", "_")
+
+
+def table_columns(topic: Topic) -> tuple[str, ...]:
+    """Return the header of a topic's table."""
+    return ("tick", "stamp_ns", *topic.codec.fields)
+
+
+def export(
+    run: str | os.PathLike[str], directory: str | os.PathLike[str], file_format: str
+) -> dict[str, int]:
+    """Write the tables of RUN into a new directory; return ``{file: rows}``.
+
+    Each topic has a file with the columns tick, stamp_ns (the message's own
+    stamp) and its fields; ``trajectory`` has the columns of ``trajectory.csv``
+    for the ticks that the bag has in one piece from the start.  Raises
+    BagError, BagExistsError where ``directory`` exists.
+    """
+    reader, target = BagReader(run), Path(directory)
+    if file_format == "parquet":
+        _pyarrow()
+    make_directory(target)
+    files = {
+        topic.path: _open(target, table_name(topic), table_columns(topic), 2, file_format)
+        for topic in reader.topics
+    }
+    trajectory = _open(target, "trajectory", COLUMNS, 0, file_format)
+    try:
+        for group in batches(reader):
+            for batch in group:
+                files[reader.topics[batch.topic].path].write(_columns(batch))
+        for columns in _trajectory(reader):
+            trajectory.write(columns)
+    except OSError as error:
+        raise BagError(f"{target}: cannot be written: {error.strerror}") from None
+    finally:
+        for file in (*files.values(), trajectory):
+            file.close()
+    return {file.name: file.rows for file in (*files.values(), trajectory)}
+
+
+def _columns(batch: Batch) -> list[list[Any]]:
+    return [batch.ticks.tolist(), batch.stamps.tolist(), *batch.values.T.tolist()]
+
+
+def _trajectory(reader: BagReader) -> Iterator[list[list[Any]]]:
+    rows = Rows(reader.config)
+    for block in reader.blocks():
+        found = [[float(value) for value in row] for row in block_rows(rows, block)]
+        yield [list(column) for column in zip(*found, strict=True)]
+
+
+class _CsvFile:
+    """Numbers with the shortest text that reads back exactly."""
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        self.name, self.rows = path.name, 0
+        self._file = open(path, "w", encoding="ascii", newline="")  # noqa: SIM115 - see close
+        self._file.write(",".join(columns) + "\n")
+
+    def write(self, columns: list[list[Any]]) -> None:
+        """Append rows, given column by column."""
+        lines = [",".join([repr(value) for value in row]) for row in zip(*columns, strict=True)]
+        self.rows += len(lines)
+        self._file.writelines(line + "\n" for line in lines)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class _ParquetFile:
+    """Columns of int64, then of float64."""
+
+    def __init__(self, path: Path, columns: Sequence[str], integers: int) -> None:
+        arrow, parquet = _pyarrow()
+        self.name, self.rows = path.name, 0
+        self._arrow = arrow
+        kinds = [arrow.int64()] * integers + [arrow.float64()] * (len(columns) - integers)
+        self._schema = arrow.schema(list(zip(columns, kinds, strict=True)))
+        self._writer = parquet.ParquetWriter(path, self._schema)
+
+    def write(self, columns: list[list[Any]]) -> None:
+        """Append rows, given column by column."""
+        arrays = [
+            self._arrow.array(column, type=field.type)
+            for column, field in zip(columns, self._schema, strict=True)
+        ]
+        self.rows += len(columns[0])
+        self._writer.write_table(self._arrow.Table.from_arrays(arrays, schema=self._schema))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._writer.close()
+
+
+def _open(
+    directory: Path, name: str, columns: Sequence[str], integers: int, file_format: str
+) -> _CsvFile | _ParquetFile:
+    path = directory / f"{name}.{file_format}"
+    if file_format == "csv":
+        return _CsvFile(path, columns)
+    return _ParquetFile(path, columns, integers)
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        return import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError:
+        raise BagError(NO_PYARROW) from None

@@ -1,0 +1,31 @@
+"""Files and directories that appear whole and never overwrite."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from flexarm_ros.bag.errors import BagError, BagExistsError
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file so that it appears whole or not at all; BagError on failure."""
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with open(temporary, "w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        raise BagError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def make_directory(directory: Path) -> None:
+    """Make a new directory; BagExistsError where it exists."""
+    try:
+        directory.mkdir(parents=True)
+    except FileExistsError:
+        raise BagExistsError(f"{directory}: exists already, not overwritten") from None
+    except OSError as error:
+        raise BagError(f"{directory}: cannot be made: {error.strerror}") from None

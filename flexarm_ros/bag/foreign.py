@@ -1,0 +1,70 @@
+"""Decoding of valid messages in layouts other than ours.
+
+A user's own controller may fill ``JointState.name`` in another order, add
+joints, or run on a big-endian machine.  The ``rosbags`` type store reads any
+valid CDR image without ROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+_NS = 1_000_000_000
+_SURPLUS = 16
+
+
+@cache
+def typestore() -> Typestore:
+    """Return the definitions of ROS 2 Kilted's standard messages."""
+    return get_typestore(Stores.ROS2_KILTED)
+
+
+def message(type_name: str, data: bytes) -> Any:
+    """Return ``data`` as a message object of the type store; ValueError if it is none.
+
+    Some serializers append a few bytes behind the message; they are ignored.
+    """
+    for surplus in range(0, _SURPLUS + 1, 4):
+        try:
+            return typestore().deserialize_cdr(data[: len(data) - surplus], type_name)
+        except SerdeError as error:
+            if "size mismatch" not in str(error):
+                break
+    raise ValueError(f"no {type_name} in {len(data)} bytes")
+
+
+def values(type_name: str, data: bytes, fields: Sequence[str]) -> tuple[int, tuple[float, ...]]:
+    """Return ``(stamp_ns, values)`` of the named ``fields``; ValueError if one is missing."""
+    found = message(type_name, data)
+    stamp = found.clock if type_name == "rosgraph_msgs/msg/Clock" else found.header.stamp
+    stamp_ns = int(stamp.sec) * _NS + int(stamp.nanosec)
+    if type_name == "sensor_msgs/msg/JointState":
+        return stamp_ns, _joint_values(found, fields)
+    if type_name == "nav_msgs/msg/Odometry":
+        getters = [
+            f.replace("pose.", "pose.pose.").replace("twist.", "twist.twist.") for f in fields
+        ]
+        return stamp_ns, tuple(float(attrgetter(g)(found)) for g in getters)
+    return stamp_ns, ()
+
+
+def _joint_values(found: Any, fields: Sequence[str]) -> tuple[float, ...]:
+    names = list(found.name)
+    picked = []
+    for field in fields:
+        array, _, name = field.partition(".")
+        column = np.asarray(getattr(found, array))
+        if names.count(name) != 1:
+            raise ValueError(f"JointState names {names}: {name!r} needed once")
+        if len(column) != len(names):
+            raise ValueError(f"JointState.{array}: {len(column)} values for {len(names)} names")
+        picked.append(float(column[names.index(name)]))
+    return tuple(picked)

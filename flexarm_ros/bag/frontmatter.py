@@ -1,0 +1,67 @@
+"""What stands in a bag before its messages: scenario, parameters, provenance."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.core.parameters import RunConfig
+
+FORMAT = "1"
+"""Version of what this package puts into a bag beside the messages."""
+
+SCENARIO_FILE = "scenario.yaml"
+TORQUES_FILE = "torques.csv"
+PROVENANCE_FILE = "provenance.json"
+RUN_RECORD = "flexarm_ros"
+PARAMETERS_RECORD = "flexarm_ros.parameters"
+VERSIONS_RECORD = "flexarm_ros.versions"
+
+
+def bag_config(config: RunConfig) -> RunConfig:
+    """Return the scenario as it travels in a bag: without paths of this machine."""
+    law_file = config.controller.torque_file
+    return replace(
+        config,
+        controller=replace(config.controller, torque_file=law_file and TORQUES_FILE),
+    )
+
+
+def front_matter(config: RunConfig, provenance: Provenance) -> dict[str, Mapping[str, str]]:
+    """Return the metadata records: the run, every resolved parameter (JSON), versions."""
+    parameters = {
+        f"{section}.{key}": json.dumps(value)
+        for section, keys in scenario.to_dict(bag_config(config)).items()
+        for key, value in keys.items()
+    }
+    text = scenario.dump(bag_config(config)) + scenario.write_torques(config.torques)
+    run = {
+        "format": FORMAT,
+        "sha256": hashlib.sha256(text.encode()).hexdigest(),
+        "scenario": provenance.name,
+        "commit": provenance.commit,
+        "digest": provenance.digest,
+    }
+    return {
+        RUN_RECORD: run,
+        PARAMETERS_RECORD: parameters,
+        VERSIONS_RECORD: dict(provenance.versions),
+    }
+
+
+def attachments(config: RunConfig, provenance: Provenance) -> list[tuple[str, str, str]]:
+    """Return ``(name, media type, text)`` of scenario, provenance and, if any, torque rows.
+
+    Attachments have checksums of their own; it is from them that a bag is read.
+    """
+    found = [
+        (SCENARIO_FILE, "application/yaml", scenario.dump(bag_config(config))),
+        (PROVENANCE_FILE, "application/json", json.dumps(provenance.to_dict(), indent=1)),
+    ]
+    if config.torques:
+        found.append((TORQUES_FILE, "text/csv", scenario.write_torques(config.torques)))
+    return found

@@ -1,0 +1,158 @@
+"""``metadata.yaml`` of a rosbag2 directory, version 9 (Jazzy and later)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from flexarm_ros.bag.errors import BagContentError
+from flexarm_ros.bag.foreign import typestore
+from flexarm_ros.bag.topics import Qos
+
+VERSION = 9
+DISTRO = "kilted"
+"""The distribution whose message definitions are in the bag."""
+
+MAX_BYTES = 1024 * 1024
+"""Largest ``metadata.yaml`` that is read."""
+
+_MALFORMED = (
+    KeyError, TypeError, ValueError, RecursionError, AttributeError, OverflowError
+)  # fmt: skip
+_FOREVER = {"sec": 9223372036, "nsec": 854775807}
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """What a bag says of one topic."""
+
+    name: str
+    type_name: str
+    type_hash: str
+    qos: Qos
+    count: int
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes everything in full, without anchors."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def to_yaml(document: Any) -> str:
+    """Return block-style YAML in the order of the keys."""
+    text: str = yaml.dump(
+        document, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=1000
+    )
+    return text
+
+
+def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
+    """Return the ``offered_qos_profiles`` of one publisher."""
+    return [
+        {
+            "history": qos.history,
+            "depth": qos.depth,
+            "reliability": qos.reliability,
+            "durability": qos.durability,
+            "deadline": dict(_FOREVER),
+            "lifespan": dict(_FOREVER),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_FOREVER),
+            "avoid_ros_namespace_conventions": False,
+        }
+    ]
+
+
+@cache
+def qos_text(qos: Qos) -> str:
+    """Return the ``offered_qos_profiles`` as a channel's metadata has them."""
+    return to_yaml(qos_profiles(qos))
+
+
+@cache
+def definition(type_name: str) -> tuple[str, str]:
+    """Return a type's ``ros2msg`` text with all nested definitions, and its RIHS01 hash.
+
+    Always from the ``rosbags`` type store, so that a bag has the same bytes
+    whether ROS is there or not.
+    """
+    text, _ = typestore().generate_msgdef(type_name, ros_version=2)
+    return text, typestore().hash_rihs01(type_name)
+
+
+def bag_information(
+    file_name: str,
+    start_ns: int,
+    end_ns: int,
+    topics: Sequence[BagTopic],
+    custom_data: Mapping[str, str],
+) -> dict[str, Any]:
+    """Return what stands below ``rosbag2_bagfile_information``."""
+    count = sum(topic.count for topic in topics)
+    start = {"nanoseconds_since_epoch": start_ns}
+    duration = {"nanoseconds": end_ns - start_ns}
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        "duration": duration,
+        "starting_time": start,
+        "message_count": count,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": qos_profiles(topic.qos),
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file_name],
+        "files": [
+            {
+                "path": file_name,
+                "starting_time": start,
+                "duration": duration,
+                "message_count": count,
+            }
+        ],
+        "custom_data": dict(custom_data),
+        "ros_distro": DISTRO,
+    }
+
+
+def read_counts(path: Path) -> dict[str, int] | None:
+    """Return the messages of each topic that a ``metadata.yaml`` counts, None without a file.
+
+    Raises BagContentError where it cannot be read or is not of that form.
+    """
+    try:
+        if not path.is_file():
+            return None
+        with open(path, "rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise BagContentError(f"{path}: larger than {MAX_BYTES} bytes")
+        document = yaml.safe_load(data)
+        topics = document["rosbag2_bagfile_information"]["topics_with_message_count"]
+        found = {
+            str(topic["topic_metadata"]["name"])[:300]: int(topic["message_count"])
+            for topic in topics
+        }
+    except OSError as error:
+        raise BagContentError(f"{path}: cannot be read: {error.strerror}") from None
+    except (*_MALFORMED, yaml.YAMLError):
+        raise BagContentError(f"{path}: not the metadata of a bag") from None
+    return found

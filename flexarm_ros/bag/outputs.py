@@ -1,0 +1,151 @@
+"""The files beside a bag: ``trajectory.csv`` and ``summary.json``.
+
+Both are made from the recorded messages, by the same code for a run of nodes
+and for a simulation in one process, so that the two agree byte for byte.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.blocks import Block
+from flexarm_ros.bag.errors import BagError
+from flexarm_ros.bag.files import write_atomically
+from flexarm_ros.bag.frontmatter import bag_config
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.topics import COMMAND, STATE, TIP
+from flexarm_ros.core.metrics import Metrics
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.rows import COLUMNS, Row, Rows
+from flexarm_ros.core.timeline import Timeline
+
+TRAJECTORY = "trajectory.csv"
+SUMMARY = "summary.json"
+
+METRICS = (
+    "rms_error", "max_error", "tip_rms_error", "tip_max_error", "overshoot", "max_overshoot",
+    "tip_overshoot", "max_deflection", "max_torque", "ticks",
+)  # fmt: skip
+"""Keys of `flexarm_ros.core.metrics.Metrics.result`."""
+
+_ROS_PACKAGES = ("rclpy", "ros-rmw-fastrtps-cpp")
+
+
+def block_rows(rows: Rows, block: Block) -> Iterable[Row]:
+    """Yield the rows of ``trajectory.csv`` of a block, one a tick."""
+    state = block.values[STATE]
+    count = state.shape[1] // 2
+    coordinates = count - 2
+    positions, rates = state[:, :coordinates], state[:, count : count + coordinates]
+    ends = state[:, coordinates:count].tolist()
+    measured = block.values[TIP][:, :2].tolist()
+    torques = block.values[COMMAND].tolist()
+    for i in range(len(block)):
+        yield rows.row(
+            block.first + i, positions[i], rates[i], _pair(ends[i]), _pair(measured[i]),
+            _pair(torques[i]),
+        )  # fmt: skip
+
+
+def _pair(values: Sequence[float]) -> tuple[float, float]:
+    return values[0], values[1]
+
+
+def write_trajectory(directory: Path, config: RunConfig, blocks: Iterable[Block]) -> dict[str, Any]:
+    """Write ``trajectory.csv`` and return the metrics of the run.
+
+    The file appears whole or not at all.  Numbers have the shortest text that
+    reads back exactly; ``nan`` stands where there is none.
+    """
+    rows, metrics = Rows(config), Metrics(config)
+    path = directory / TRAJECTORY
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with open(temporary, "w", encoding="ascii", newline="") as file:
+            file.write(",".join(COLUMNS) + "\n")
+            for block in blocks:
+                lines = []
+                for row in block_rows(rows, block):
+                    metrics.add(row)
+                    lines.append(",".join([repr(float(value)) for value in row]))
+                file.write("\n".join(lines) + "\n")
+        os.replace(temporary, path)
+    except OSError as error:
+        raise BagError(f"{path}: cannot be written: {error.strerror}") from None
+    return metrics.result()
+
+
+def summary_of(
+    config: RunConfig,
+    metrics: dict[str, Any],
+    provenance: Provenance,
+    wall_s: float | None = None,
+    unstable: tuple[int, str] | None = None,
+    problem: str = "",
+) -> dict[str, Any]:
+    """Return what ``summary.json`` says of a run that has ended.
+
+    ``unstable`` is the tick and the text of the state that ended the run.
+    """
+    timeline = Timeline.of(config.run)
+    ticks = metrics["ticks"]
+    finished = ticks == timeline.ticks
+    simulated = ticks * timeline.period_ns * 1e-9
+    return {
+        "name": provenance.name,
+        "complete": finished or unstable is not None,
+        "stable": False if unstable else True if finished else None,
+        "unstable_tick": unstable[0] if unstable else None,
+        "problem": problem or (f"unstable: {unstable[1]}" if unstable else ""),
+        **metrics,
+        "wall_s": wall_s,
+        "rtf": simulated / wall_s if wall_s else None,
+        "versions": {**provenance.versions, **_ros_versions(), "commit": provenance.commit},
+        "scenario": scenario.to_dict(bag_config(config)),
+    }
+
+
+def unfinished_summary(config: RunConfig, provenance: Provenance) -> dict[str, Any]:
+    """Return what ``summary.json`` says while a run goes on, or after it was cut off."""
+    metrics = {**dict.fromkeys(METRICS), "ticks": 0}
+    return {
+        **summary_of(config, metrics, provenance),
+        "ticks": None,
+        "complete": False,
+        "stable": None,
+        "problem": "not finished: still running, or cut off",
+    }
+
+
+def write_summary(directory: Path, summary: dict[str, Any]) -> None:
+    """Write ``summary.json``, whole or not at all; BagError on failure."""
+    write_atomically(
+        directory / SUMMARY, json.dumps(_finite(summary), indent=2, allow_nan=False) + "\n"
+    )
+
+
+def _finite(value: Any) -> Any:
+    """Return ``value`` with None for every number that is not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and value - value != 0.0:
+        return None
+    return value
+
+
+def _ros_versions() -> dict[str, str]:
+    found = {}
+    for package in _ROS_PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,78 @@
+"""Writing of rescued messages of which only the channels are known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from flexarm_ros.bag.files import make_directory, write_atomically
+from flexarm_ros.bag.mcapfile import MESSAGE_FIXED, MESSAGE_HEADER, McapFile
+from flexarm_ros.bag.metadata import BagTopic, bag_information, to_yaml
+from flexarm_ros.bag.reader import Front
+from flexarm_ros.bag.scan import Message
+from flexarm_ros.bag.topics import Qos
+from flexarm_ros.bag.writer import FILE_NAME
+
+
+class PlainWriter:
+    """Writes messages as they are, under the channels and schemas of ``front``.
+
+    Raises BagError where ``directory`` exists or cannot be written.
+    """
+
+    def __init__(self, directory: Path, front: Front) -> None:
+        make_directory(directory)
+        self._directory = directory
+        self._file = McapFile(directory / FILE_NAME, "zstd")
+        schemas = {
+            schema.id: self._file.add_schema(schema.name, schema.data.decode(errors="replace"))
+            for schema in front.schemas.values()
+        }
+        self._types = {s.id: s.name for s in front.schemas.values()}
+        self._ids: dict[int, int] = {}
+        self._topics: list[tuple[str, str, str]] = []
+        for channel in front.channels.values():
+            if channel.schema_id in schemas:
+                self._ids[channel.id] = self._file.add_channel(
+                    channel.topic, schemas[channel.schema_id], channel.metadata
+                )
+                digest = channel.metadata.get("topic_type_hash", "")
+                self._topics.append((channel.topic, self._types[channel.schema_id], digest))
+
+    def add(self, messages: Sequence[Message]) -> tuple[int, int]:
+        """Write a chunk of messages; return how many were kept and dropped."""
+        known = sorted((m for m in messages if m.channel in self._ids), key=lambda m: m.log_time)
+        parts, channels, times, lengths = [], [], [], []
+        for m in known:
+            channel, length = self._ids[m.channel], MESSAGE_FIXED + len(m.data)
+            parts.append(
+                MESSAGE_HEADER.pack(5, length, channel, m.sequence, m.log_time, m.publish_time)
+            )
+            parts.append(m.data)
+            channels.append(channel)
+            times.append(m.log_time)
+            lengths.append(9 + length)
+        if parts:
+            self._file.add_chunk(b"".join(parts), channels, times, lengths)
+        return len(known), len(messages) - len(known)
+
+    def __enter__(self) -> PlainWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None:
+            self._file.close()
+            return
+        topics = [
+            BagTopic(name, type_name, digest, Qos(), self._file.counts[i])
+            for i, (name, type_name, digest) in enumerate(self._topics, 1)
+        ]
+        information = bag_information(
+            FILE_NAME, self._file.start_time, self._file.end_time, topics, {}
+        )
+        self._file.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
+        self._file.finish()
+        write_atomically(
+            self._directory / "metadata.yaml",
+            to_yaml({"rosbag2_bagfile_information": information}),
+        )

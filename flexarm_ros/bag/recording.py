@@ -1,0 +1,121 @@
+"""The directory of a run: made first, marked incomplete, finished last.
+
+``DIR/bag`` is the recording, ``DIR/summary.json`` says from the first moment
+that the run is not finished, and is replaced, beside ``DIR/trajectory.csv``,
+when the bag is closed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.bag.errors import BagError, BagExistsError
+from flexarm_ros.bag.outputs import (
+    summary_of,
+    unfinished_summary,
+    write_summary,
+    write_trajectory,
+)
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.recover import recover
+from flexarm_ros.bag.writer import BagWriter
+from flexarm_ros.core.metrics import Metrics
+from flexarm_ros.core.parameters import RunConfig
+
+BAG = "bag"
+_DAMAGED = "bag-damaged"
+
+
+class Recording:
+    """A bag below a run's directory, as the recorder node fills it.
+
+    ``foreign`` names the nodes that are somebody else's.  Raises BagError where
+    the directory cannot be made or holds a bag already.
+    """
+
+    def __init__(
+        self, config: RunConfig, directory: Path, name: str = "", foreign: Iterable[str] = ()
+    ) -> None:
+        self.directory = directory
+        self._writer = BagWriter(directory / BAG, config, Provenance.here(name, foreign))
+        self.write = self._writer.write
+
+    def close(self) -> None:
+        """Finish the bag; raises BagError where it cannot be written."""
+        self._writer.close()
+
+    def set_aside(self, number: int) -> None:
+        """Finish the bag of a run that starts again; it stays as ``bag-before-reset-NUMBER``."""
+        self._writer.close()
+        os.rename(self.directory / BAG, self.directory / f"{BAG}-before-reset-{number}")
+
+    def abandon(self) -> None:
+        """Leave the bag as it is, after an error of writing."""
+        self._writer.abandon()
+
+
+def free_directory(name: str, below: Path = Path("runs")) -> Path:
+    """Return ``runs/NAME``, or ``runs/NAME-2`` ... where that is taken."""
+    number = 1
+    while (path := below / (name if number == 1 else f"{name}-{number}")).exists():
+        number += 1
+    return path
+
+
+def prepare_directory(directory: Path, config: RunConfig, name: str) -> None:
+    """Make a run's directory and mark it as not finished.
+
+    Raises BagExistsError if there is anything in it already, BagError or
+    OSError where it cannot be made.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    if any(directory.iterdir()):
+        raise BagExistsError(f"{directory}: exists and is not empty, not overwritten")
+    write_summary(directory, unfinished_summary(config, Provenance.here(name)))
+
+
+def finish_run(
+    directory: Path,
+    config: RunConfig,
+    name: str,
+    wall_s: float | None = None,
+    problem: str = "",
+    unstable: tuple[int, str] | None = None,
+) -> dict[str, Any]:
+    """Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
+
+    A bag that was cut off (recorder killed, disk full) is rescued first and
+    the damaged one kept beside it.
+    """
+    provenance = Provenance.here(name)
+    metrics = Metrics(config).result()
+    try:
+        _mend_bag(directory)
+        reader = BagReader(directory)
+        metrics = write_trajectory(directory, config, reader.blocks())
+    except BagError as error:
+        problem = problem or str(error)
+    summary = summary_of(config, metrics, provenance, wall_s, unstable, problem)
+    write_summary(directory, summary)
+    return summary
+
+
+def _mend_bag(directory: Path) -> None:
+    """Replace a bag that was never closed by what can be rescued of it."""
+    bag = directory / BAG
+    if not bag.is_dir() or (bag / "metadata.yaml").exists():
+        return
+    rescued = directory / "bag-rescued"
+    result = recover(bag, rescued)
+    if result.kept:
+        os.rename(bag, directory / _DAMAGED)
+        os.rename(rescued, bag)
+    else:
+        with contextlib.suppress(OSError):
+            shutil.rmtree(rescued)

@@ -1,0 +1,272 @@
+"""Rescue of a damaged bag into a new one.
+
+Chunks are the unit: each has a checksum and is kept whole or not at all.
+Behind a damaged place the search goes on for the next sound chunk.  The
+scenario and the provenance are in attachments with checksums of their own, the
+scenario a second time in a metadata record.  Where both are lost, messages are
+rescued nevertheless, but the new bag cannot be run again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import Header
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.errors import BagContentError, BagError, BagExistsError
+from flexarm_ros.bag.frontmatter import (
+    PARAMETERS_RECORD,
+    PROVENANCE_FILE,
+    RUN_RECORD,
+    SCENARIO_FILE,
+    TORQUES_FILE,
+    bag_config,
+)
+from flexarm_ros.bag.mcapfile import LIBRARY
+from flexarm_ros.bag.plain import PlainWriter
+from flexarm_ros.bag.reader import Front, find_bag, front_config, front_provenance, topic_index
+from flexarm_ros.bag.scan import (
+    DATA_CHECKSUM,
+    Damage,
+    Message,
+    Record,
+    Scanner,
+    inner_records,
+    library_record,
+    unpack,
+)
+from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.bag.writer import BagWriter
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import T0_NS, Timeline
+from flexarm_ros.scenario.torque_file import parse_torques
+
+_ATTACHED = (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE)
+
+
+@dataclass
+class Rescue:
+    """What came of a rescue.
+
+    ``kept`` messages are in the new bag, ``complete`` of ``planned`` ticks.
+    ``dropped`` counts messages that fit nowhere.  ``damages`` says what was
+    found, a line each.  ``harmed``: something is wrong in the data section;
+    ``ended``: the data section's end is there; ``lost_front``: scenario or
+    provenance are lost.
+    """
+
+    kept: int = 0
+    complete: int = 0
+    planned: int = 0
+    dropped: int = 0
+    harmed: bool = False
+    ended: bool = False
+    lost_front: bool = False
+    damages: list[str] = field(default_factory=list)
+
+    @property
+    def whole(self) -> bool:
+        """Whether no message of the run is missing and the new bag can be run again."""
+        every_tick = 0 < self.planned == self.complete
+        unharmed = self.ended and not self.harmed
+        return self.kept > 0 and not self.lost_front and not self.dropped and (
+            every_tick or unharmed
+        )  # fmt: skip
+
+    @property
+    def status(self) -> int:
+        """Exit status: 0 whole, 3 in part, 1 nothing."""
+        return 0 if self.whole else 3 if self.kept else 1
+
+    def note(self, text: str) -> None:
+        """Add a damage, once."""
+        if text not in self.damages:
+            self.damages.append(text)
+
+
+def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Rescue:
+    """Rescue what is sound in the bag of RUN into the new directory ``new_bag``.
+
+    Nothing is created where nothing can be rescued.  Raises BagError where RUN
+    has no file to look at or the new bag cannot be written, BagExistsError
+    where ``new_bag`` exists.
+    """
+    path, target = find_bag(run), Path(new_bag)
+    if os.path.lexists(target):
+        raise BagExistsError(f"{target}: exists already, not overwritten")
+    rescue = Rescue()
+    front, chunks = _survey(path, rescue)
+    if not chunks:
+        rescue.note("no sound chunk of messages")
+        return rescue
+    config = _config(path, front, rescue)
+    if config is None:
+        _rescue_plain(path, front, target, rescue)
+    else:
+        _rescue_run(path, front, config, target, rescue)
+    return rescue
+
+
+def _survey(path: Path, rescue: Rescue) -> tuple[Front, int]:
+    """Look through the whole file: what it says of itself, and how many sound chunks it has."""
+    front, chunks = Front(), 0
+    for record in _sound_records(path, rescue):
+        try:
+            if record.opcode == Opcode.CHUNK:
+                chunks += 1
+            elif record.opcode == Opcode.HEADER:
+                front.library = library_record(path, record, Header).library
+            else:
+                front.take(path, record)
+        except BagError as error:
+            rescue.harmed = True
+            rescue.note(_what(error))
+    with Scanner(path) as scanner:
+        for name in _ATTACHED:
+            if name not in front.attachments:
+                data = scanner.find_attachment(name)
+                if data is not None:
+                    front.attachments[name] = data
+    return front, chunks
+
+
+def _sound_records(path: Path, rescue: Rescue) -> Iterator[Record]:
+    """Yield every record that can be read; chunks only if their checksum is right."""
+    with Scanner(path) as scanner:
+        position, trusted = _start(scanner, rescue), 0
+        while position is None or position > 0:
+            try:
+                for record in scanner.records(position):
+                    rescue.ended = rescue.ended or record.opcode == Opcode.DATA_END
+                    if _sound(path, record, rescue):
+                        trusted = record.end if record.opcode == Opcode.CHUNK else trusted
+                        yield record
+                return
+            except BagError as error:
+                rescue.note(_what(error))
+                if rescue.ended:
+                    return  # only the index at the end is damaged
+                rescue.harmed = True
+                position = _resume(scanner, error, trusted)
+
+
+def _start(scanner: Scanner, rescue: Rescue) -> int | None:
+    """Return where to start: ``None`` for the start of the file, 0 for nowhere."""
+    if scanner.is_mcap():
+        return None
+    rescue.harmed = True
+    rescue.note("the start of the file is no MCAP file's")
+    return scanner.next_chunk(0) or 0
+
+
+def _resume(scanner: Scanner, error: BagError, trusted: int) -> int:
+    """Return where to go on after a damage, 0 for nowhere.
+
+    Lengths of records behind the last one with a checksum (it ends at
+    ``trusted``) may be wrong, so the search starts there.
+    """
+    if isinstance(error, Damage) and error.what == DATA_CHECKSUM:
+        return error.offset
+    return scanner.next_chunk(trusted) or 0
+
+
+def _sound(path: Path, record: Record, rescue: Rescue) -> bool:
+    if record.opcode != Opcode.CHUNK:
+        return True
+    try:
+        for _ in inner_records(path, record.offset, unpack(path, record)):
+            pass
+    except BagError as error:
+        rescue.harmed = True
+        rescue.note(_what(error))
+        return False
+    return True
+
+
+def _what(error: BagError) -> str:
+    if isinstance(error, Damage):
+        return f"damaged at byte {error.offset}: {error.what}"
+    return str(error)
+
+
+def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
+    """Return the scenario, from its attachment or else from the metadata record."""
+    try:
+        return front_config(path, front)
+    except BagContentError as error:
+        first = str(error)
+    try:
+        rows = front.attachments.get(TORQUES_FILE, b"").decode()
+        torques = parse_torques(rows, TORQUES_FILE) if rows else ()
+        data: dict[str, dict[str, object]] = {}
+        for name, text in front.metadata[PARAMETERS_RECORD].items():
+            section, _, key = name.partition(".")
+            data.setdefault(section, {})[key] = json.loads(text)
+        config = scenario.from_dict(data, torques)
+        text = scenario.dump(bag_config(config)) + scenario.write_torques(config.torques)
+        digest = hashlib.sha256(text.encode()).hexdigest()
+        if digest == front.metadata[RUN_RECORD]["sha256"]:
+            rescue.note("the scenario's attachment; restored from its copy")
+            return config
+    except (KeyError, ValueError, TypeError, RecursionError):
+        pass
+    rescue.lost_front = True
+    rescue.note(first.removeprefix(f"{path}: "))
+    return None
+
+
+def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescue: Rescue) -> None:
+    """Write the sound messages as a bag of this run."""
+    if PROVENANCE_FILE not in front.attachments:
+        rescue.lost_front = True
+        rescue.note("its provenance (package versions, source) is lost")
+    topics = per_tick_topics(config)
+    timeline = Timeline.of(config.run)
+    rescue.planned = timeline.ticks
+    index = {i + 1: i for i in range(len(topics))}
+    if front.library != LIBRARY:
+        try:
+            index = topic_index(path, front, topics)
+        except BagContentError as error:
+            rescue.note(f"{str(error).removeprefix(f'{path}: ')}; our own order assumed")
+    with BagWriter(target, config, front_provenance(front)) as writer:
+        for record in _sound_records(path, Rescue()):
+            if record.opcode != Opcode.CHUNK:
+                continue
+            last = -1
+            for message in inner_records(path, record.offset, unpack(path, record)):
+                if not isinstance(message, Message):
+                    continue
+                tick, rest = divmod(message.log_time - T0_NS, timeline.period_ns)
+                if rest or not 0 <= tick < timeline.ticks or message.channel not in index:
+                    rescue.dropped += 1
+                    continue
+                try:
+                    writer.write(index[message.channel], tick, message.data)
+                    rescue.kept += 1
+                    last = max(last, tick)
+                except BagContentError:
+                    rescue.dropped += 1
+            writer.end_tick(last - 1)
+    rescue.complete = writer.complete_ticks
+
+
+def _rescue_plain(path: Path, front: Front, target: Path, rescue: Rescue) -> None:
+    """Write the sound messages without a scenario, as their channels describe them."""
+    if not front.channels:
+        rescue.note("nothing says what its channels hold")
+        return
+    with PlainWriter(target, front) as writer:
+        for record in _sound_records(path, Rescue()):
+            if record.opcode == Opcode.CHUNK:
+                inner = inner_records(path, record.offset, unpack(path, record))
+                kept, dropped = writer.add([m for m in inner if isinstance(m, Message)])
+                rescue.kept += kept
+                rescue.dropped += dropped

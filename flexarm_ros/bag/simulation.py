@@ -1,0 +1,116 @@
+"""The closed loop in one process, recorded: what ``flexarm simulate`` does."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexarm_ros.bag.blocks import Block
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
+from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.bag.writer import BagWriter
+from flexarm_ros.core.loop import ClosedLoop, TickRecord
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import Timeline
+
+_BLOCK_TICKS = 512
+
+
+class BlockMaker:
+    """Collects the ticks of a simulation into blocks."""
+
+    def __init__(self, config: RunConfig) -> None:
+        widths = [len(topic.codec.fields) for topic in per_tick_topics(config)]
+        self._values = [np.empty((_BLOCK_TICKS, width)) for width in widths]
+        self._stamps = [np.empty(_BLOCK_TICKS, np.int64) for _ in widths]
+        self._timeline = Timeline.of(config.run)
+        self._first = 0
+        self._count = 0
+
+    @property
+    def full(self) -> bool:
+        """Whether the block must be taken before the next tick."""
+        return self._count == _BLOCK_TICKS
+
+    def add(self, record: TickRecord) -> None:
+        """Take one tick."""
+        i = self._count
+        if i == 0:
+            self._first = record.k
+        now = self._timeline.stamp_ns(record.k)
+        _, state, encoder, tip, reference, command = self._values
+        size = len(record.q)
+        row = state[i]
+        row[:size] = record.q
+        row[size : size + 2] = record.deflections[:2]
+        row[size + 2 : 2 * size + 2] = record.qd
+        row[2 * size + 2 :] = record.deflections[2:]
+        encoder[i] = record.encoder[1:]
+        tip[i] = record.tip[1:]
+        reference[i] = record.reference
+        command[i] = record.torque
+        for stamps, stamp in zip(
+            self._stamps, (now, now, record.encoder[0], record.tip[0], now, now), strict=True
+        ):
+            stamps[i] = stamp
+        self._count += 1
+
+    def take(self) -> Block:
+        """Return the ticks collected so far and start anew."""
+        count, self._count = self._count, 0
+        return Block(
+            self._first,
+            tuple(stamps[:count].copy() for stamps in self._stamps),
+            tuple(values[:count].copy() for values in self._values),
+        )
+
+
+def loop_blocks(loop: ClosedLoop) -> Iterator[Block]:
+    """Run a closed loop to its end and yield its ticks in blocks."""
+    maker = BlockMaker(loop.config)
+    while (record := loop.tick()) is not None:
+        maker.add(record)
+        if maker.full:
+            yield maker.take()
+    last = maker.take()
+    if len(last):
+        yield last
+
+
+def simulate(
+    config: RunConfig,
+    directory: str | os.PathLike[str],
+    name: str = "",
+    watch: Callable[[int, int], None] = lambda *_: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> dict[str, Any]:
+    """Fly a scenario in this process, record it below ``directory``, return the summary.
+
+    ``watch(ticks, of all)`` is called and ``stop()`` asked after every block
+    of 512 ticks.  Raises BagExistsError or BagError; ValueError where the core
+    cannot take the scenario, before anything is written.
+    """
+    directory = Path(directory)
+    loop = ClosedLoop(config)
+    prepare_directory(directory, config, name)
+    total, interrupted = loop.timeline.ticks, False
+    with BagWriter(directory / BAG, config, Provenance.here(name)) as writer:
+        start = time.perf_counter()
+        for block in loop_blocks(loop):
+            writer.write_block(block)
+            watch(loop.k, total)
+            if stop():
+                interrupted = loop.k < total
+                break
+        wall_s = time.perf_counter() - start
+    unstable = None
+    if loop.unstable is not None and loop.unstable_tick is not None:
+        unstable = (loop.unstable_tick, loop.unstable)
+    problem = f"interrupted at tick {loop.k}" if interrupted else ""
+    return finish_run(directory, config, name, wall_s, problem, unstable)

@@ -1,0 +1,63 @@
+"""A bag's messages as tables, topic by topic, in flat memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm_ros.bag.cdr import FloatArray, IntArray
+from flexarm_ros.bag.errors import BagContentError
+from flexarm_ros.bag.reader import BagReader
+
+BATCH = 512
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Consecutive messages of one topic.
+
+    ``ticks`` and ``stamps`` (ns), shape ``(n,)``; ``values``, shape
+    ``(n, fields)``, columns as in the topic's ``codec.fields``.
+    """
+
+    topic: int
+    ticks: IntArray
+    stamps: IntArray
+    values: FloatArray
+
+
+def batches(reader: BagReader, size: int = BATCH) -> Iterator[list[Batch]]:
+    """Yield the messages of ``size`` ticks at a time, one batch a topic.
+
+    Ticks or messages that are missing are missing from the batches.  Raises
+    BagContentError where a message cannot be decoded.
+    """
+    ticks: list[list[int]] = [[] for _ in reader.topics]
+    data: list[list[bytes]] = [[] for _ in reader.topics]
+    count = 0
+    for tick, messages in reader.ticks():
+        for i, message in enumerate(messages):
+            if message is not None:
+                ticks[i].append(tick)
+                data[i].append(message)
+        count += 1
+        if count == size:
+            yield _decode(reader, ticks, data)
+            ticks, data, count = [[] for _ in reader.topics], [[] for _ in reader.topics], 0
+    if count:
+        yield _decode(reader, ticks, data)
+
+
+def _decode(reader: BagReader, ticks: list[list[int]], data: list[list[bytes]]) -> list[Batch]:
+    found = []
+    for i, topic in enumerate(reader.topics):
+        try:
+            stamps, values = topic.codec.decode_block(data[i])
+        except ValueError as error:
+            raise BagContentError(
+                f"{reader.path}: {topic.path}, ticks {ticks[i][0]} to {ticks[i][-1]}: {error}"
+            ) from None
+        found.append(Batch(i, np.array(ticks[i], np.int64), stamps, values))
+    return found

@@ -1,0 +1,86 @@
+"""The topics of a run: names, types, quality of service and canonical order.
+
+At every tick each of these topics carries exactly one message.  The order of
+``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
+the flow of the data: clock, state, measurements and reference, torque.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
+from flexarm_ros.core.parameters import RunConfig
+
+BASE_FRAME = "base"
+JOINTS = ("shoulder", "elbow")
+LINKS = ("link1", "link2")
+
+CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = range(6)
+"""Index of each topic in ``per_tick_topics``."""
+
+DEPTH = 1000
+"""Depth of every history, in messages.
+
+Deep, because the recorder sleeps and takes messages in batches: it may be as
+many ticks late.  Reliable keep-last publishers drop what a late reader has not
+acknowledged once the depth is passed.
+"""
+
+
+@dataclass(frozen=True)
+class Qos:
+    """Quality of service of a topic, in rmw's terms."""
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = DEPTH
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One per-tick topic of a run.
+
+    ``name`` is relative (``plant/state``), so that namespaces and remapping
+    work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
+    it.
+    """
+
+    name: str
+    node: str
+    codec: Codec
+    qos: Qos = Qos()
+
+    @property
+    def path(self) -> str:
+        """Absolute name, as in a bag."""
+        return self.name if self.name.startswith("/") else "/" + self.name
+
+    @property
+    def type_name(self) -> str:
+        """ROS 2 type, as ``sensor_msgs/msg/JointState``."""
+        return self.codec.type_name
+
+
+def state_names(modes: int) -> tuple[str, ...]:
+    """Names of the plant's coordinates for ``modes`` assumed modes a link."""
+    modal = [f"{link}_mode{i}" for link in LINKS for i in range(1, modes + 1)]
+    return (*JOINTS, *modal)
+
+
+def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
+    """Return the topics of a run in canonical order."""
+    state = JointStateCodec((*state_names(config.plant.modes), *LINKS), BASE_FRAME)
+    joints = JointStateCodec(JOINTS, BASE_FRAME)
+    tip = OdometryCodec(BASE_FRAME, "tip_sensor", config.tip_sensor.noise_std**2)
+    reference = OdometryCodec(BASE_FRAME, "reference")
+    command = JointStateCodec(JOINTS, BASE_FRAME, ("effort",))
+    return (
+        Topic("/clock", "plant", ClockCodec()),
+        Topic("plant/state", "plant", state),
+        Topic("joint_states", "encoder", joints),
+        Topic("tip_sensor/odometry", "tip_sensor", tip),
+        Topic("reference", "trajectory", reference),
+        Topic("joint_command", "controller", command),
+    )

@@ -1,0 +1,272 @@
+"""Recording of a run into a rosbag2 directory with one MCAP file.
+
+The bytes depend on the scenario, the messages and the versions of the packages
+only: no wall time, host, user or process number goes in, chunks end at ticks,
+and messages stand in canonical order (tick by tick, within a tick in the order
+of `flexarm_ros.bag.topics`) whatever order they came in.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from flexarm_ros.bag.blocks import Block
+from flexarm_ros.bag.cdr import ByteArray
+from flexarm_ros.bag.errors import BagContentError, BagError
+from flexarm_ros.bag.files import make_directory, write_atomically
+from flexarm_ros.bag.frontmatter import FORMAT, attachments, front_matter
+from flexarm_ros.bag.mcapfile import MESSAGE_FIXED, MESSAGE_HEADER, McapFile
+from flexarm_ros.bag.metadata import (
+    BagTopic,
+    bag_information,
+    definition,
+    qos_text,
+    to_yaml,
+)
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.topics import Topic, per_tick_topics
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import T0_NS, seconds_to_ns
+
+FILE_NAME = "bag_0.mcap"
+
+RECORD_HEAD = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+"""`MESSAGE_HEADER` as a numpy type."""
+
+MAX_CHUNK = 8 * 1024 * 1024
+"""A chunk ends at this many bytes even if ``recorder.chunk_time`` is longer."""
+
+
+class BagWriter:
+    """Writes a bag from messages that come in any order across topics.
+
+    Parameters: the new directory of the bag; the scenario; where it comes from
+    (default: this process); the topics, if other than the scenario's own.
+    Raises BagExistsError if the directory exists, BagError if it cannot be
+    written (disk full included) or a message comes twice or too late.
+
+    A tick is written once every topic has its message.  `end_tick` says that a
+    tick has all it will get; ticks up to it are then written as they are.
+    Closing does so for all that is left: a run that breaks off keeps every
+    message that came, those of its last, incomplete tick too.  A chunk is
+    handed to the operating system after every ``recorder.chunk_time`` of
+    simulated time (and at 8 MiB), so a killed recorder loses less than that.
+    """
+
+    def __init__(
+        self,
+        directory: str | os.PathLike[str],
+        config: RunConfig,
+        provenance: Provenance | None = None,
+        topics: Sequence[Topic] | None = None,
+    ) -> None:
+        self.directory = Path(directory)
+        self.topics = tuple(per_tick_topics(config) if topics is None else topics)
+        self.complete_ticks = 0
+        self.incomplete_ticks = 0
+        self._period_ns = seconds_to_ns(config.run.control_period)
+        chunk_ns = round(config.recorder.chunk_time * 1e9)
+        self._chunk_ticks = max(1, chunk_ns // self._period_ns)
+        self._provenance = provenance or Provenance.here()
+        self._width = len(self.topics)
+        self._next = 0
+        self._pending: dict[int, list[bytes | None]] = {}
+        self._missing: dict[int, int] = {}
+        self._clear_chunk()
+        make_directory(self.directory)
+        self._file = McapFile(self.directory / FILE_NAME, config.recorder.compression)
+        self._closed = False
+        self._write_front(config)
+
+    # --- what the recorder calls ----------------------------------------------------
+
+    def write(self, topic: int, tick: int, data: bytes) -> None:
+        """Take the message of topic number ``topic`` at ``tick``, serialized."""
+        slots = self._pending.get(tick)
+        if slots is None:
+            if tick < self._next:
+                raise BagContentError(f"{self.topics[topic].path}: message of tick {tick} too late")
+            slots = self._pending[tick] = [None] * self._width
+            self._missing[tick] = self._width
+        if slots[topic] is not None:
+            raise BagContentError(f"{self.topics[topic].path}: second message of tick {tick}")
+        slots[topic] = data
+        self._missing[tick] -= 1
+        while self._missing.get(self._next) == 0:
+            self._emit(self._next)
+
+    def write_block(self, block: Block) -> None:
+        """Take whole ticks, the next ones, as numbers; the same bytes, four times as fast."""
+        if block.first != self._next or self._pending:
+            raise BagError(f"{self.directory}: ticks from {block.first} where {self._next} is due")
+        rows = self._records(block)
+        done = 0
+        while done < len(rows):
+            room = self._chunk_ticks - self._next % self._chunk_ticks
+            room = min(room, -(-(MAX_CHUNK - self._bytes) // rows.shape[1]))
+            part = rows[done : done + room]
+            self._append(part, self._next)
+            done += len(part)
+            self._next += len(part)
+            self.complete_ticks += len(part)
+            self._end_chunk_if_due()
+
+    def end_tick(self, tick: int) -> None:
+        """Write all ticks up to ``tick``, complete or not."""
+        for due in sorted(k for k in self._pending if k <= tick):
+            self._emit(due)
+        self._next = max(self._next, tick + 1)
+
+    def flush(self) -> None:
+        """Hand what is complete to the operating system as a chunk, before its time."""
+        self._end_chunk()
+
+    def close(self) -> None:
+        """Write what is left, the index and ``metadata.yaml``."""
+        if self._closed:
+            return
+        if self._pending:
+            self.end_tick(max(self._pending))
+        self._end_chunk()
+        self._closed = True
+        topics = [
+            BagTopic(t.path, t.type_name, definition(t.type_name)[1], t.qos, self._file.counts[i])
+            for i, t in enumerate(self.topics, 1)
+        ]
+        custom = {"scenario": self._provenance.name, "format": FORMAT}
+        information = bag_information(
+            FILE_NAME, self._file.start_time, self._file.end_time, topics, custom
+        )
+        self._file.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
+        self._file.finish()
+        write_atomically(
+            self.directory / "metadata.yaml",
+            to_yaml({"rosbag2_bagfile_information": information}),
+        )
+
+    def abandon(self) -> None:
+        """Close the file as it is, without an index: after an error of writing."""
+        self._closed = True
+        with contextlib.suppress(BagError):
+            self._file.close()
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is not None and issubclass(kind, BagError):
+            self.abandon()
+        else:
+            self.close()
+
+    # --- chunks -----------------------------------------------------------------------
+
+    def _clear_chunk(self) -> None:
+        self._parts: list[bytes] = []
+        self._channels: list[int] = []
+        self._times: list[int] = []
+        self._lengths: list[int] = []
+        self._bytes = 0
+
+    def _emit(self, tick: int) -> None:
+        """Append the messages of ``tick`` to the chunk, and end the chunk where it is due."""
+        stamp = T0_NS + tick * self._period_ns
+        sequence = tick + 1
+        parts, header = self._parts, MESSAGE_HEADER.pack
+        for channel, data in enumerate(self._pending.pop(tick), 1):
+            if data is not None:
+                length = MESSAGE_FIXED + len(data)
+                parts.append(header(5, length, channel, sequence, stamp, stamp))
+                parts.append(data)
+                self._channels.append(channel)
+                self._times.append(stamp)
+                self._lengths.append(9 + length)
+                self._bytes += 9 + length
+        if self._missing.pop(tick):
+            self.incomplete_ticks += 1
+        else:
+            self.complete_ticks += 1
+        self._next = tick + 1
+        self._end_chunk_if_due()
+
+    def _records(self, block: Block) -> ByteArray:
+        """Return the message records of each tick of ``block`` as a row."""
+        count = len(block)
+        ticks = np.arange(block.first, block.first + count)
+        parts = []
+        for i, topic in enumerate(self.topics):
+            head = np.empty(count, RECORD_HEAD)
+            head["opcode"] = 5
+            head["length"] = MESSAGE_FIXED + topic.codec.size
+            head["channel"] = i + 1
+            head["sequence"] = ticks + 1
+            head["log_time"] = head["publish_time"] = T0_NS + ticks * self._period_ns
+            parts.append(head.view(np.uint8).reshape(count, RECORD_HEAD.itemsize))
+            parts.append(topic.codec.encode_block(block.stamps[i], block.values[i]))
+        return np.concatenate(parts, axis=1)
+
+    def _append(self, rows: ByteArray, first: int) -> None:
+        """Append records of whole ticks to the chunk."""
+        count = len(rows)
+        stamps = range(
+            T0_NS + first * self._period_ns,
+            T0_NS + (first + count) * self._period_ns,
+            self._period_ns,
+        )
+        lengths = [9 + MESSAGE_FIXED + topic.codec.size for topic in self.topics]
+        self._parts.append(rows.tobytes())
+        self._channels += list(range(1, self._width + 1)) * count
+        self._times += [stamp for stamp in stamps for _ in lengths]
+        self._lengths += lengths * count
+        self._bytes += rows.size
+
+    def _end_chunk_if_due(self) -> None:
+        if self._next % self._chunk_ticks == 0 or self._bytes >= MAX_CHUNK:
+            self._end_chunk()
+
+    def _end_chunk(self) -> None:
+        if self._parts:
+            data = b"".join(self._parts)
+            self._file.add_chunk(data, self._channels, self._times, self._lengths)
+            self._clear_chunk()
+
+    # --- what stands before the messages -----------------------------------------------
+
+    def _write_front(self, config: RunConfig) -> None:
+        schemas: dict[str, int] = {}
+        for topic in self.topics:
+            text, digest = definition(topic.type_name)
+            if topic.type_name not in schemas:
+                schemas[topic.type_name] = self._file.add_schema(topic.type_name, text)
+            self._file.add_channel(
+                topic.path,
+                schemas[topic.type_name],
+                {
+                    "offered_qos_profiles": qos_text(topic.qos),
+                    "topic_type_hash": digest,
+                },
+            )
+        for name, data in front_matter(config, self._provenance).items():
+            self._file.add_metadata(name, data)
+        for name, media_type, text in attachments(config, self._provenance):
+            self._file.add_attachment(name, media_type, text.encode(), T0_NS)

@@ -1,0 +1,43 @@
+"""Small runs for the tests of bags."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.simulation import loop_blocks
+from flexarm_ros.bag.writer import BagWriter
+from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.parameters import RunConfig
+
+OPEN_LOOP = ((0.0, 1.0, -2.0), (0.1, 3.5, 0.25), (0.2, -1.0, 1e-3))
+
+
+def small_config(*overrides: str, duration: float = 0.3, chunk: float = 0.05) -> RunConfig:
+    settings = [f"duration={duration}", f"recorder.chunk_time={chunk}", *overrides]
+    return scenario.load("fls_tip", settings)
+
+
+def write_small(directory: Path, config: RunConfig, origin: Provenance | None = None) -> Path:
+    """Write the bag of a simulation and return its MCAP file."""
+    with BagWriter(directory, config, origin) as writer:
+        for block in loop_blocks(ClosedLoop(config)):
+            writer.write_block(block)
+    return directory / "bag_0.mcap"
+
+
+@cache
+def small_messages(config: RunConfig) -> tuple[tuple[bytes, ...], ...]:
+    """Return the messages of each tick of a simulation."""
+    from flexarm_ros.bag.topics import per_tick_topics
+
+    topics = per_tick_topics(config)
+    found = []
+    for block in loop_blocks(ClosedLoop(config)):
+        rows = [
+            t.codec.encode_block(block.stamps[i], block.values[i]) for i, t in enumerate(topics)
+        ]
+        found += [tuple(r[k].tobytes() for r in rows) for k in range(len(block))]
+    return tuple(found)

@@ -1,0 +1,220 @@
+"""Rescue of damaged bags: truncation at any byte, flipped bits, overwritten places."""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bagtools import small_config, small_messages, write_small
+
+from flexarm_ros.bag.errors import BagError, BagExistsError
+from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.recover import Rescue, recover
+from flexarm_ros.bag.scan import Scanner
+from flexarm_ros.cli import main
+
+CONFIG = small_config()
+TICKS, CHUNK = 300, 50
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return write_small(tmp_path_factory.mktemp("sound") / "bag", CONFIG).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def chunk_ends(sound: bytes, tmp_path_factory: pytest.TempPathFactory) -> list[int]:
+    path = tmp_path_factory.mktemp("ends") / "x.mcap"
+    path.write_bytes(sound)
+    with Scanner(path) as scanner:
+        return [record.end for record in scanner.records() if record.opcode == 0x06]
+
+
+def rescue_bytes(data: bytes, tmp_path: Path, name: str = "new") -> tuple[Rescue, Path]:
+    source = tmp_path / f"{name}.mcap"
+    source.write_bytes(data)
+    target = tmp_path / name
+    rescue = recover(source, target)
+    assert target.exists() == (rescue.kept > 0)
+    return rescue, target
+
+
+def is_chunk_start(data: bytes, start: int, end: int) -> bool:
+    return data[start] == 0x06 and int.from_bytes(data[start + 1 : start + 9], "little") == (
+        end - start - 9
+    )
+
+
+def check_content(bag: Path, expected_ticks: set[int] | None = None) -> set[int]:
+    """Everything in a rescued bag is as it was recorded."""
+    reader = BagReader(bag)
+    truth = small_messages(CONFIG)
+    found = set()
+    for tick, messages in reader.ticks():
+        assert tuple(messages) == truth[tick]
+        found.add(tick)
+    assert reader.damage is None
+    assert reader.config.controller == CONFIG.controller
+    if expected_ticks is not None:
+        assert found == expected_ticks
+    return found
+
+
+def test_whole_bag_gives_the_same_bytes(sound: bytes, tmp_path: Path) -> None:
+    rescue, bag = rescue_bytes(sound, tmp_path)
+    assert rescue.status == 0
+    assert rescue.damages == []
+    assert (bag / "bag_0.mcap").read_bytes() == sound
+
+
+def test_truncation_at_many_offsets(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None:
+    """Every chunk that is there in full is rescued, whatever byte the file ends at."""
+    assert len(chunk_ends) == TICKS // CHUNK
+    edges = {end + d for end in chunk_ends for d in (-1, 0, 1)}
+    random_places = random.Random(1).sample(range(len(sound)), 30)
+    for cut in sorted({0, 1, 8, 9, *edges, *random_places, len(sound) - 1}):
+        rescue, bag = rescue_bytes(sound[:cut], tmp_path, f"cut{cut}")
+        chunks = sum(end <= cut for end in chunk_ends)
+        assert rescue.complete == chunks * CHUNK, cut
+        assert rescue.status == (0 if chunks == len(chunk_ends) else 3 if chunks else 1), cut
+        if chunks:
+            check_content(bag, set(range(chunks * CHUNK)))
+
+
+def test_flipped_bytes(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None:
+    """A damaged byte costs at most the chunk it is in, and never gives wrong messages."""
+    generator = random.Random(2)
+    places = generator.sample(range(len(sound)), 60) + list(range(8, 60, 2))
+    for place in places:
+        damaged = bytearray(sound)
+        damaged[place] ^= 1 << generator.randrange(8)
+        rescue, bag = rescue_bytes(bytes(damaged), tmp_path, f"flip{place}")
+        assert rescue.complete >= TICKS - CHUNK, place
+        found = check_content(bag)
+        assert len(found) == rescue.complete
+        assert rescue.status == (0 if len(found) == TICKS else 3), place
+
+
+@pytest.mark.parametrize("fill", [b"\x00", b"\xff"])
+def test_overwritten_sectors(sound: bytes, fill: bytes, tmp_path: Path) -> None:
+    """As after a power cut: 512 bytes in a row are not what was written."""
+    for start in range(0, len(sound) - 512, 4096):
+        damaged = sound[:start] + fill * 512 + sound[start + 512 :]
+        rescue, bag = rescue_bytes(damaged, tmp_path, f"sector{start}")
+        assert rescue.kept > 0
+        if rescue.planned:
+            assert rescue.complete >= TICKS - 2 * CHUNK
+            check_content(bag)
+
+
+def test_front_lost(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None:
+    """Without any scenario the messages are rescued under the channels of the index."""
+    front = next(i for i in range(chunk_ends[0]) if is_chunk_start(sound, i, chunk_ends[0]))
+    rescue, bag = rescue_bytes(bytes(front) + sound[front:], tmp_path)
+    assert rescue.status == 3
+    assert rescue.planned == 0
+    assert rescue.kept == 6 * TICKS
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([bag]) as reader:
+        assert reader.message_count == 6 * TICKS
+    with pytest.raises(BagError, match="no scenario"):
+        BagReader(bag)
+
+
+def test_scenario_restored_from_its_copy(sound: bytes, tmp_path: Path) -> None:
+    place = sound.index(b"kp: 150.79")
+    damaged = sound[:place] + b"kp: 150.78" + sound[place + 10 :]
+    rescue, bag = rescue_bytes(damaged, tmp_path)
+    assert rescue.status == 0
+    assert any("copy" in text for text in rescue.damages)
+    check_content(bag, set(range(TICKS)))
+
+
+def test_both_scenarios_altered_are_not_believed(sound: bytes, tmp_path: Path) -> None:
+    damaged = sound.replace(b"kp: 150.79", b"kp: 150.78").replace(b"150.79", b"150.77")
+    rescue, _ = rescue_bytes(damaged, tmp_path)
+    assert rescue.status == 3
+    assert rescue.lost_front
+
+
+def test_not_a_bag(tmp_path: Path) -> None:
+    rescue, bag = rescue_bytes(random.Random(3).randbytes(20000), tmp_path)
+    assert rescue.status == 1
+    assert not bag.exists()
+
+
+def test_recorder_killed(tmp_path: Path) -> None:
+    """SIGKILL in the middle: everything up to the last chunk that was due is rescued."""
+    code = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from bagtools import *\n"
+        "config = small_config()\n"
+        "writer = BagWriter(Path(sys.argv[1]), config)\n"
+        "for tick, messages in enumerate(small_messages(config)):\n"
+        "    for topic, data in enumerate(messages):\n"
+        "        writer.write(topic, tick, data)\n"
+        "    if tick >= int(sys.argv[2]):\n"
+        "        print(tick, flush=True)\n"
+        "        sys.stdin.readline()\n"
+    )
+    tests = Path(__file__).parent
+    environment = {**os.environ, "PYTHONPATH": f"{tests}{os.pathsep}{tests.parent}"}
+    for last in (48, 49, 120, 275):
+        bag = tmp_path / f"bag{last}"
+        process = subprocess.Popen(
+            [sys.executable, "-c", code, str(bag), str(last)], env=environment,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        )  # fmt: skip
+        with process:
+            assert process.stdout is not None
+            assert int(process.stdout.readline()) == last
+            process.kill()
+        rescue = recover(bag, tmp_path / f"new{last}")
+        chunks = (last + 1) // CHUNK
+        assert rescue.complete == chunks * CHUNK
+        assert rescue.status == (3 if chunks else 1)
+        if chunks:
+            check_content(tmp_path / f"new{last}", set(range(chunks * CHUNK)))
+
+
+def test_never_overwrites(sound: bytes, tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "a.mcap").write_bytes(sound)
+    with pytest.raises(BagExistsError):
+        recover(tmp_path / "a.mcap", tmp_path / "there")
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(BagExistsError):
+        recover(tmp_path / "a.mcap", tmp_path / "link")
+
+
+def test_command(
+    sound: bytes, chunk_ends: list[int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def call(data: bytes, name: str) -> tuple[int, str, str]:
+        source = tmp_path / f"{name}.mcap"
+        source.write_bytes(data)
+        status = main(["recover", str(source), "--out", str(tmp_path / name)])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    status, out, _ = call(sound, "whole")
+    assert status == 0
+    assert out.startswith("whole: 1800 messages, 300 of 300 ticks")
+    status, out, _ = call(sound[: chunk_ends[3]], "part")
+    assert status == 3
+    assert out.startswith("in part: 1200 messages, 200 of 300 ticks")
+    assert "breaks off" in out
+    status, _, err = call(sound[:100], "none")
+    assert status == 1
+    assert err.startswith("nothing: ")
+    status, _, err = call(sound, "whole")
+    assert status == 1
+    assert "not overwritten" in err
+    assert main(["recover", str(tmp_path / "absent"), "--out", str(tmp_path / "y")]) == 1
+    assert "no such file" in capsys.readouterr().err
