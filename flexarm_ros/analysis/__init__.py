@@ -1,0 +1,1 @@
+"""Recorded runs looked at: pictures, reports, comparisons.  Never imports rclpy."""

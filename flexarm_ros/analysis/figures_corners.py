@@ -1,0 +1,144 @@
+"""The transients where the reference switches its direction: the paper's Figures 6 and 8."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ros.analysis.figures_style import (
+    BLACK,
+    GREY,
+    Panel,
+    between,
+    group_switches,
+    line,
+    new_figure,
+    panel_title,
+    styled,
+    wrap,
+)
+from flexarm_ros.analysis.report_runs import Run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BEFORE, AFTER = 0.1, 0.6
+"""Part of the path around a direction switch that sets a zoomed picture's frame, s."""
+
+
+def corner_figure(groups: Sequence[Panel]) -> Figure:
+    """Return the transients at the reference's direction switches, zoomed (Figures 6, 8)."""
+    switches = [group_switches(group) for group in groups]
+    columns = max(1, *(len(times) for times in switches))
+    figure = new_figure(3.5 * columns, 4.7 * len(groups))
+    figure.set_layout_engine("compressed")
+    grid = figure.subplots(len(groups), columns, squeeze=False)
+    for row, (group, times) in enumerate(zip(groups, switches, strict=True)):
+        for column in range(columns):
+            if column < len(times):
+                _draw_corner(grid[row, column], group, column, times[column])
+            else:
+                grid[row, column].set_visible(False)
+    return figure
+
+
+def _draw_corner(axis: Axes, group: Panel, index: int, time: float) -> None:
+    low_x, high_x, low_y, high_y = _corner_frame(group, time)
+    longest = max(group.runs, key=lambda run: run.rows)
+    part = between(longest, time - 2.0, time + 2.0)
+    axis.plot(
+        longest.columns["ref_x"][part], longest.columns["ref_y"][part],
+        color=BLACK, linewidth=0.8, linestyle=(0, (6, 3)),
+    )  # fmt: skip
+    for run, style, label in styled(group):
+        overshoot = _overshoot(run, index)
+        text = wrap(label if overshoot is None else f"{label}: {overshoot:.3f} m")
+        rows = between(run, time - 1.0, time + 2.0)
+        x, y = run.columns["rigid_x"][rows], run.columns["rigid_y"][rows]
+        line(axis, x, y, style, text)
+    axis.set_box_aspect(1.0)  # with limits of one size this is an equal scale
+    axis.set_xlim(low_x, high_x)
+    axis.set_ylim(low_y, high_y)
+    axis.set(xlabel="x, m", ylabel="y, m" if index == 0 else "")
+    axis.set_title(f"{panel_title(group)}\nswitch {index + 1}, t = {time:g} s", fontsize=9)
+    if len(group.runs) > 1:
+        _draw_peak(axis, group, time)
+    axis.legend(
+        title="overshoot", title_fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.17)
+    )
+
+
+def _corner_frame(group: Panel, time: float) -> tuple[float, float, float, float]:
+    """Return a square frame around what the runs and the reference do after a switch."""
+    xs, ys = [], []
+    for run in group.runs:
+        rows = between(run, time - BEFORE, time + AFTER)
+        for name in ("rigid", "ref"):
+            xs.append(run.columns[f"{name}_x"][rows])
+            ys.append(run.columns[f"{name}_y"][rows])
+    x, y = np.concatenate(xs), np.concatenate(ys)
+    x, y = x[np.isfinite(x)], y[np.isfinite(y)]
+    if not len(x) or not len(y):
+        return -1.0, 1.0, -1.0, 1.0
+    half = 0.54 * max(float(np.ptp(x)), float(np.ptp(y)), 1e-3)
+    middle_x, middle_y = float(x.min() + x.max()) / 2.0, float(y.min() + y.max()) / 2.0
+    return middle_x - half, middle_x + half, middle_y - half, middle_y + half
+
+
+def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
+    """Add an inset around the furthest points past the corner, where cases differ by millimetres.
+
+    It lies on the base's side of the corner, which the paths leave free.
+    """
+    peaks = [peak for run in group.runs if (peak := _peak(run, time)) is not None]
+    if len(peaks) < 2:
+        return
+    points = np.array(peaks)
+    half = max(4.0 * float(np.ptp(points[:, 2])), 1e-4)
+    x, y = float(points[:, 0].mean()), float(points[:, 1].mean())
+    if half > 0.04 * float(np.ptp(axis.get_xlim())):
+        return  # the differences are seen without it
+    left, bottom = (0.06 if x > 0.0 else 0.52), (0.06 if y > 0.0 else 0.52)
+    inset = axis.inset_axes((left, bottom, 0.42, 0.42))
+    for run, style, _ in styled(group):
+        rows = between(run, time, time + AFTER)
+        line(inset, run.columns["rigid_x"][rows], run.columns["rigid_y"][rows], style, "")
+    inset.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+    inset.set_xticks([])
+    inset.set_yticks([])
+    width = 2e3 * half
+    text = f"{width:.0f} mm wide" if width >= 10.0 else f"{width:.1f} mm wide"
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+    inset.text(0.04, 0.05, text, fontsize=7, transform=inset.transAxes, bbox=box)
+    for spine in inset.spines.values():
+        spine.set_visible(True)
+    axis.indicate_inset_zoom(inset, edgecolor=GREY)
+
+
+def _peak(run: Run, time: float) -> tuple[float, float, float] | None:
+    """Return x, y of the furthest point past a corner in the second after it, and how far."""
+    rows = between(run, time, time + 1.0)
+    corner = rows.start
+    if corner < 1 or rows.stop - corner < 2:
+        return None
+    c = run.columns
+    along_x = c["ref_x"][corner] - c["ref_x"][corner - 1]
+    along_y = c["ref_y"][corner] - c["ref_y"][corner - 1]
+    past = (c["rigid_x"][rows] - c["ref_x"][corner]) * along_x
+    past += (c["rigid_y"][rows] - c["ref_y"][corner]) * along_y
+    length = float(np.hypot(along_x, along_y))
+    if not np.isfinite(past).any() or length == 0.0:
+        return None
+    best = int(np.nanargmax(past))
+    x, y = c["rigid_x"][corner + best], c["rigid_y"][corner + best]
+    return float(x), float(y), float(past[best]) / length
+
+
+def _overshoot(run: Run, index: int) -> float | None:
+    values = run.summary.get("overshoot")
+    if not isinstance(values, list) or index >= len(values):
+        return None
+    return values[index] if isinstance(values[index], float) else None

@@ -1,0 +1,117 @@
+"""The fuzzy logic system as pictures: membership functions and the surface of lambda."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ros.analysis.figures_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    new_figure,
+    styles,
+    wrap,
+)
+from flexarm_ros.analysis.report_runs import Run, labels, number
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.fls import fls_lambda
+from flexarm_ros.core.fls_definition import INPUT_SETS, OUTPUT_SETS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    Feet = dict[str, tuple[float, float, float]]
+
+DEFAULT_KN = 5.0
+"""The paper's normalising gain K_n, m, where a run's scenario does not tell."""
+
+
+def lambda_grid(inputs: FloatArray) -> FloatArray:
+    """Return lambda over normalised deflections, shape ``(n, n)``: row delta2, column delta1."""
+    return np.array([[fls_lambda(float(a), float(b)) for a in inputs] for b in inputs])
+
+
+def gain_kn(runs: Sequence[Run]) -> float:
+    """Return K_n, m, of the first fuzzy run."""
+    for run in runs:
+        value = number(run.value("controller", "kn"))
+        if run.law == "fls" and value is not None and value > 0.0:
+            return value
+    return DEFAULT_KN
+
+
+def fls_figure(runs: Sequence[Run]) -> Figure:
+    """Return the paper's Figures 2 and 3, lambda's surface, and where fuzzy runs used it."""
+    kn = gain_kn(runs)
+    figure = new_figure(9.6, 7.6)
+    _draw_sets(figure.add_subplot(2, 2, 1), INPUT_SETS, kn)
+    _draw_sets(figure.add_subplot(2, 2, 2), OUTPUT_SETS, 1.0)
+    inputs, outputs, *_ = figure.axes
+    inputs.set(title="Inputs", xlabel=r"deflection $\delta_1$ or $\delta_2$, m")
+    outputs.set(title="Output", xlabel=r"gain $\lambda$")
+    _draw_surface(figure, kn)
+    _draw_map(figure.add_subplot(2, 2, 4), runs, kn)
+    return figure
+
+
+def _draw_sets(axis: Axes, sets: Feet, scale: float) -> None:
+    """Draw triangles given by left foot, peak and right foot."""
+    looks = ((BLUE, "-"), (GREEN, "--"), (ORANGE, "-."))
+    for (name, feet), (color, style) in zip(sets.items(), looks, strict=False):
+        x = [foot * scale for foot in feet]
+        axis.plot(x, (_at_foot(feet, 0), 1.0, _at_foot(feet, 2)), color=color, linestyle=style)
+        axis.annotate(name, (x[1], 1.0), (0, 4), textcoords="offset points", ha="center",
+                      color=color, fontweight="bold")  # fmt: skip
+    axis.set_ylim(0.0, 1.12)
+    axis.set_ylabel("membership")
+
+
+def _at_foot(feet: tuple[float, float, float], end: int) -> float:
+    """Return the membership at an end of a triangle: 1 where the peak lies on it."""
+    return 1.0 if feet[end] == feet[1] else 0.0
+
+
+def _draw_surface(figure: Figure, kn: float) -> None:
+    import mpl_toolkits.mplot3d  # noqa: F401  (registers the projection)
+
+    inputs = np.linspace(-1.0, 1.0, 41)
+    x, y = np.meshgrid(inputs * kn, inputs * kn)
+    axis = figure.add_subplot(2, 2, 3, projection="3d")
+    axis.plot_surface(
+        x, y, lambda_grid(inputs), cmap="viridis", rcount=41, ccount=41, linewidth=0.15,
+        edgecolor=(0.0, 0.0, 0.0, 0.35),
+    )  # fmt: skip
+    axis.set(xlabel=r"$\delta_1$, m", ylabel=r"$\delta_2$, m", zlabel=r"$\lambda$", zlim=(0.0, 1.0))
+    axis.set_title("Surface")
+    axis.view_init(elev=36.0, azim=-55.0)
+    axis.set_box_aspect((1.0, 1.0, 0.7), zoom=1.0)
+
+
+def _draw_map(axis: Axes, runs: Sequence[Run], kn: float) -> None:
+    """Draw contours of lambda over the part of the universe that the runs use."""
+    reach = 0.02 * kn
+    for run in runs:
+        for name in ("delta1", "delta2"):
+            reach = max(reach, float(np.nanmax(np.abs(run.columns[name]), initial=0.0)))
+    reach = min(kn, 1.1 * reach)
+    inputs = np.linspace(-reach / kn, reach / kn, 81)
+    grid = lambda_grid(inputs)
+    contours = axis.contour(inputs * kn, inputs * kn, grid, 9, colors=GREY, linewidths=0.8)
+    axis.clabel(contours, fontsize=7)
+    for run, style, label in zip(runs, styles(runs), labels(runs), strict=True):
+        axis.plot(
+            run.columns["delta1"], run.columns["delta2"], color=style.color,
+            linestyle=style.dashes, linewidth=0.9, label=wrap(label),
+        )  # fmt: skip
+    axis.plot(0.0, 0.0, "+", color=BLACK)
+    axis.set(xlabel=r"$\delta_1$, m", ylabel=r"$\delta_2$, m")
+    axis.set_title(r"$\lambda$ where it was used")
+    axis.set_aspect("equal")
+    if runs:
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), fontsize=7)

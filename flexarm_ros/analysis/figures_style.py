@@ -1,0 +1,199 @@
+"""What all pictures share: colours, line styles, panels, and how a file is written.
+
+The colours are Okabe and Ito's (2008), which people with any of the common colour
+deficiencies tell apart; line styles differ too, so that a grey print can be read.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm_ros.analysis.report_runs import (
+    COLLOCATED,
+    CORRECTED,
+    NONCOLLOCATED,
+    Run,
+    labels,
+    law_name,
+)
+from flexarm_ros.core.compiled import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+AMBER, SKY, BLACK, GREY = "#E69F00", "#56B4E9", "#000000", "#6E6E6E"
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a curve is drawn: colour, dashes, width in points."""
+
+    color: str
+    dashes: str = "-"
+    width: float = 1.3
+
+
+ROLE_STYLES = {
+    COLLOCATED: Style(BLUE, "-", 2.2),
+    NONCOLLOCATED: Style(ORANGE, "--", 1.5),
+    CORRECTED: Style(GREEN, "-.", 1.1),
+}
+"""The paper's three cases -> style; the wider lie below, so that equal curves are all seen."""
+
+SPARE_STYLES = (
+    Style(BLUE), Style(ORANGE, "--"), Style(GREEN, "-."), Style(PURPLE, ":"), Style(AMBER),
+    Style(SKY, "--"), Style(BLACK, "-."),
+)  # fmt: skip
+
+SETTINGS: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#d9d9d9",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.3,
+    "legend.fontsize": 8.0,
+    "legend.framealpha": 0.9,
+    "savefig.dpi": 160,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "flexarm_ros",
+    "path.simplify": True,
+    "agg.path.chunksize": 20000,
+}
+"""Matplotlib settings; the salt and ``METADATA`` make equal data give equal files."""
+
+METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": "flexarm_ros"},
+}
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Runs that belong in one picture: one control law, one place of the sensor."""
+
+    law: str
+    location: float | None
+    runs: tuple[Run, ...]
+
+    @property
+    def title(self) -> str:
+        """Return what the runs have in common."""
+        place = "" if self.location is None else f", sensor at {self.location:g} m"
+        return law_name(self.law) + place
+
+    @property
+    def slug(self) -> str:
+        """Return a text for file names."""
+        place = "" if self.location is None else f"_{self.location:g}m"
+        law = "".join(c if c.isalnum() and c.isascii() else "_" for c in self.law) or "unknown"
+        return law + place.replace(".", "p")
+
+
+def panels(runs: Sequence[Run]) -> list[Panel]:
+    """Return the runs grouped as in the paper's Figures 5 and 7.
+
+    A collocated run stands in every panel of its law, as the one that the others are
+    compared with.
+    """
+    result = []
+    for law in dict.fromkeys(run.law for run in runs):
+        of_law = [run for run in runs if run.law == law]
+        places: list[float | None] = []
+        places += sorted({run.location for run in of_law if run.location is not None}, reverse=True)
+        for place in places or [None]:
+            members = tuple(run for run in of_law if run.location in (None, place))
+            result.append(Panel(law, place, members))
+    return result
+
+
+def styles(runs: Sequence[Run]) -> list[Style]:
+    """Return a style for each run; the paper's cases keep theirs."""
+    if len(runs) == 1:
+        return [Style(ROLE_STYLES.get(runs[0].role, SPARE_STYLES[0]).color)]
+    roles = [run.role for run in runs]
+    if all(role in ROLE_STYLES for role in roles) and len(set(roles)) == len(roles):
+        return [ROLE_STYLES[role] for role in roles]
+    return [_spare(i) for i in range(len(runs))]
+
+
+def _spare(index: int) -> Style:
+    """Return the style of one of many runs; colours come again with other dashes."""
+    turn, place = divmod(index, len(SPARE_STYLES))
+    dashes = SPARE_STYLES[(place + turn) % len(SPARE_STYLES)].dashes
+    return replace(SPARE_STYLES[place], dashes=dashes)
+
+
+def wrap(text: str) -> str:
+    """Return a legend's text in lines that fit a panel."""
+    return "\n".join(textwrap.wrap(text, 30, break_on_hyphens=False))
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure, sizes in inches, that no display or global state knows of."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, out: Path, stem: str) -> list[Path]:
+    """Write a figure as PNG and SVG and return both paths.
+
+    The layout is computed once, for the first file: it is most of the work.
+    """
+    paths = []
+    for kind, metadata in METADATA.items():
+        path = out / f"{stem}.{kind}"
+        figure.savefig(path, metadata=metadata)
+        figure.set_layout_engine("none")
+        paths.append(path)
+    return paths
+
+
+def styled(group: Panel) -> list[tuple[Run, Style, str]]:
+    """Return each run of a group with its style and its label."""
+    names = labels(group.runs, short=True)
+    return list(zip(group.runs, styles(group.runs), names, strict=True))
+
+
+def panel_title(group: Panel) -> str:
+    """Return the group's title; for a single run also its case, and how it ended badly."""
+    if len(group.runs) > 1:
+        return group.title
+    run = group.runs[0]
+    title = ", ".join(part for part in (group.title, run.role) if part)
+    if run.stable is False and run.rows:
+        title += f"\nunstable, stopped at t = {run.columns['t'][-1]:.3g} s"
+    return title
+
+
+def between(run: Run, start: float, end: float) -> slice:
+    """Return the rows of a time span."""
+    first, last = np.searchsorted(run.columns["t"], (start, end))
+    return slice(int(first), int(last))
+
+
+def line(axis: Axes, x: FloatArray, y: FloatArray, style: Style, label: str) -> None:
+    """Draw a curve; one of very few rows gets dots, since it would not be seen."""
+    options: dict[str, Any] = {"marker": "."} if len(x) < 3 else {}
+    axis.plot(
+        x, y, color=style.color, linestyle=style.dashes, linewidth=style.width, label=label,
+        **options,
+    )  # fmt: skip
+
+
+def group_switches(group: Panel) -> list[float]:
+    """Return the switches of the run that got furthest, s."""
+    return max((run.switches() for run in group.runs), key=len)

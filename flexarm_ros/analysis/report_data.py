@@ -1,0 +1,132 @@
+"""What the page's script gets: rows of each run, packed, and the fuzzy logic system."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm_ros.analysis.figures_style import SPARE_STYLES, styles
+from flexarm_ros.analysis.report_runs import Run, labels, law_name, number
+from flexarm_ros.core.compiled import FloatArray
+
+ROW_BUDGET = 48_000
+"""Rows of all runs together that a page holds: three runs of 16 s at 1 kHz whole, about 2 MB."""
+
+LEAST_ROWS = 600
+"""Rows that each run has at least, however many runs there are."""
+
+MOST_SWITCHES = 200
+"""Direction switches of a run that a page marks."""
+
+PACKED = (
+    "t", "theta1", "theta2", "delta1", "delta2", "elbow_x", "elbow_y", "tip_x", "tip_y",
+    "rigid_x", "rigid_y", "meas_x", "meas_y", "ref_x", "ref_y", "tau1", "tau2", "lambda",
+)  # fmt: skip
+"""Columns that the page needs."""
+
+STEPS = 2**24 - 2
+"""Steps between the least and the largest value of a packed column; the code above is nan."""
+
+DASHES = {"-": "", "--": "7 4", "-.": "9 3 2 3", ":": "2 3"}
+"""Matplotlib's name of a line style -> SVG's dash array."""
+
+
+def page_data(runs: Sequence[Run]) -> dict[str, Any]:
+    """Return the data of a page as what JSON can hold.
+
+    ``pool`` holds each different column once (equal references of several runs are one),
+    ``runs`` points into it.
+    """
+    pool: dict[tuple[float, float, str], int] = {}
+    budget = max(LEAST_ROWS, ROW_BUDGET // max(1, len(runs)))
+    colors = [style.color for style in SPARE_STYLES]
+    entries = []
+    for run, label, style in zip(runs, labels(runs), styles(runs), strict=True):
+        kept = select_rows(run, budget)
+        columns = {}
+        for name in PACKED:
+            packed = pack(run.columns[name][kept])
+            columns[name] = pool.setdefault(packed, len(pool))
+        entries.append(
+            {
+                "label": label,
+                "name": run.name,
+                "law": law_name(run.law),
+                "color": colors.index(style.color),
+                "dash": DASHES[style.dashes],
+                "width": round(1.25 * style.width, 3),
+                "rows": len(kept),
+                "total": run.rows,
+                "sensor": run.location,
+                "lengths": _lengths(run),
+                "switches": run.switches()[:MOST_SWITCHES],
+                "columns": columns,
+            }
+        )
+    return {
+        "runs": entries,
+        "pool": [{"low": low, "span": span, "data": data} for low, span, data in pool],
+        "steps": STEPS,
+    }
+
+
+def _lengths(run: Run) -> list[float]:
+    """Return the links' lengths, m; the paper's where the scenario does not tell."""
+    value = run.value("plant", "length")
+    known = [number(item) for item in value] if isinstance(value, list) else []
+    return [item for item in known if item is not None] if len(known) == 2 else [4.5, 4.5]
+
+
+def pack(values: FloatArray) -> tuple[float, float, str]:
+    """Return least value, span and base64 text of 24-bit codes of ``(n,)`` values.
+
+    A value is ``low + code / STEPS * span``, at most half a step (3e-8 of the span) off;
+    the code ``STEPS + 1`` stands for not-a-number.
+    """
+    known = values[np.isfinite(values)]
+    low = float(known.min()) if len(known) else 0.0
+    span = float(known.max()) - low if len(known) else 0.0
+    if not np.isfinite(span):  # the two ends are further apart than a float can tell
+        return pack(np.where(np.abs(values) < 1e300, values, np.nan))
+    scaled = (values - low) / span * STEPS if span > 0.0 else values * 0.0
+    codes = np.where(np.isfinite(scaled), np.rint(scaled), STEPS + 1).astype("<u4")
+    octets = codes.view(np.uint8).reshape(-1, 4)[:, :3]
+    return low, span, base64.b64encode(octets.tobytes()).decode("ascii")
+
+
+def select_rows(run: Run, budget: int) -> NDArray[np.int64]:
+    """Return the rows that a page shows, in order, at most ``budget`` of them.
+
+    All of them if they fit.  Otherwise time is cut into equal parts, and of each part the
+    first row stays and those with the least and the largest value of every column, so that
+    no transient's peak is lost; every row shown is one that was recorded.
+    """
+    if run.rows <= budget:
+        return np.arange(run.rows)
+    table = np.stack([run.columns[name] for name in PACKED[1:]] + [run.error(), run.tip_error()])
+    parts = budget
+    while True:
+        kept = _extremes(table, parts)
+        if len(kept) <= budget or parts <= 1:
+            return kept[:budget]
+        parts = min(parts - 1, int(parts * max(0.5, 0.98 * budget / len(kept))))
+
+
+def _extremes(table: FloatArray, parts: int) -> NDArray[np.int64]:
+    rows = table.shape[1]
+    edges = np.unique(np.linspace(0, rows, parts + 1).astype(np.int64))
+    starts = edges[:-1]
+    kept = [starts, np.array([rows - 1])]
+    part_of = np.repeat(np.arange(len(starts)), np.diff(edges))
+    for values in table:
+        for signed in (values, -values):
+            known = np.where(np.isnan(signed), np.inf, signed)
+            least = np.minimum.reduceat(known, starts)
+            hits = np.flatnonzero(known == least[part_of])
+            _, first = np.unique(part_of[hits], return_index=True)
+            kept.append(hits[first])
+    return np.unique(np.concatenate(kept))

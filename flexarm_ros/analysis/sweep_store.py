@@ -1,0 +1,194 @@
+"""The directory of a sweep: rows as they come, and the table that is made of them.
+
+``rows.jsonl`` grows by a line a run, so that a sweep that was cut off goes on where it
+stopped; ``table.csv`` (and ``table.parquet``) is written from it, ordered, and is the same
+whatever computed the rows and however often it was cut off.
+"""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+import json
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from flexarm_ros.analysis.sweep_worker import OUTCOMES, Row
+from flexarm_ros.scenario.sweep import Sweep
+
+IDENTITY, ROWS, TABLE, PARQUET = "sweep.json", "rows.jsonl", "table.csv", "table.parquet"
+
+_FIRST = ("index",)
+_LAST = (
+    "outcome", "error", "stable", "unstable_tick", "ticks", "rms_error", "max_error",
+    "tip_rms_error", "tip_max_error", "max_overshoot", "max_deflection", "max_torque",
+)  # fmt: skip
+_LISTS = ("overshoot", "tip_overshoot")
+
+Cell = Any
+Table = dict[str, list[Cell]]
+"""Columns by name, ordered by the index of the runs."""
+
+
+class StoreError(Exception):
+    """The directory holds something else, or is in use."""
+
+
+class SweepStore:
+    """The rows of one sweep on disk; a context manager that holds a lock on them."""
+
+    def __init__(self, directory: Path, sweep: Sweep) -> None:
+        self.directory, self._sweep = directory, sweep
+        self.rows: dict[int, Row] = {}
+
+    def __enter__(self) -> SweepStore:
+        self.directory.mkdir(parents=True, exist_ok=True)
+        self._claim()
+        self._file = open(self.directory / ROWS, "a+b")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.close()
+            raise StoreError(f"{self.directory}: another sweep is writing here") from None
+        self._read()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def _claim(self) -> None:
+        """Write what the directory is for, or check that it is for this."""
+        path = self.directory / IDENTITY
+        if not path.exists():
+            if any(self.directory.iterdir()):
+                raise StoreError(f"{self.directory}: exists already, not overwritten")
+            held = {"name": self._sweep.name, "runs": self._sweep.count}
+            _replace(path, json.dumps({**held, "digest": self._sweep.digest()}, indent=2) + "\n")
+            return
+        try:
+            digest = json.loads(path.read_text("utf-8"))["digest"]
+        except (ValueError, KeyError, TypeError):
+            digest = None
+        if digest != self._sweep.digest():
+            raise StoreError(
+                f"{self.directory}: holds another sweep (or this one, changed since); "
+                "give another directory"
+            )
+
+    def _read(self) -> None:
+        """Take the rows of earlier; a last line that was cut off is dropped."""
+        self._file.seek(0)
+        data = self._file.read()
+        whole = data[: data.rfind(b"\n") + 1]
+        if len(whole) < len(data):
+            self._file.truncate(len(whole))
+        for line in whole.splitlines():
+            try:
+                row = json.loads(line)
+            except ValueError:
+                continue
+            known = isinstance(row, dict) and row.get("outcome") in OUTCOMES
+            if known and 0 <= row.get("index", -1) < self._sweep.count:
+                self.rows[row["index"]] = row
+
+    def missing(self) -> list[int]:
+        """Return the indices of the runs that are still to be done."""
+        return [index for index in range(self._sweep.count) if index not in self.rows]
+
+    def add(self, row: Row) -> None:
+        """Take a row and hand it to the operating system."""
+        self.rows[row["index"]] = row
+        self._file.write(json.dumps(row).encode() + b"\n")
+        self._file.flush()
+
+    def counts(self) -> dict[str, int]:
+        """Return how many runs had each outcome."""
+        outcomes = [row["outcome"] for row in self.rows.values()]
+        return {outcome: n for outcome in OUTCOMES if (n := outcomes.count(outcome))}
+
+    def write(self) -> tuple[Table, list[Path]]:
+        """Write the table and return it and its files; Parquet where pyarrow is installed."""
+        table = make_table(self._sweep, self.rows)
+        path = self.directory / TABLE
+        _replace(path, csv_text(table))
+        parquet = write_parquet(table, self.directory / PARQUET)
+        return table, [path, *([parquet] if parquet else [])]
+
+
+def make_table(sweep: Sweep, rows: dict[int, Row]) -> Table:
+    """Return the table of the rows that there are, ordered by index."""
+    ordered = [rows[index] for index in sorted(rows)]
+    table: Table = {"index": [row["index"] for row in ordered]}
+    swept = [sweep.case(row["index"]).values for row in ordered]
+    for name in sweep.columns:
+        table[name] = _typed([values[name] for values in swept])
+    for name in _LAST:
+        table[name] = [row.get(name) for row in ordered]
+    for name in _LISTS:
+        lists = [row.get(name) or [] for row in ordered]
+        for place in range(max(map(len, lists), default=0)):
+            table[f"{name}[{place}]"] = [
+                values[place] if place < len(values) else None for values in lists
+            ]
+    return table
+
+
+def _typed(texts: Sequence[str]) -> list[Cell]:
+    """Return texts as numbers where all of them are."""
+    try:
+        return [int(text) for text in texts]
+    except ValueError:
+        pass
+    try:
+        return [float(text) for text in texts]
+    except ValueError:
+        return list(texts)
+
+
+def csv_text(table: Table) -> str:
+    """Return a table as CSV: numbers that read back exactly, nothing where nothing is known."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(table)
+    writer.writerows([_cell(value) for value in row] for row in _transposed(table))
+    return out.getvalue()
+
+
+def _transposed(table: Table) -> Iterable[tuple[Cell, ...]]:
+    return zip(*table.values(), strict=True)
+
+
+def _cell(value: Cell) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def write_parquet(table: Table, path: Path) -> Path | None:
+    """Write a table as Parquet and return the file; None where pyarrow is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        return None
+    temporary = path.with_name(path.name + ".tmp")
+    pyarrow.parquet.write_table(pyarrow.table(table), temporary)
+    os.replace(temporary, path)
+    return path
+
+
+def _replace(path: Path, text: str) -> None:
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(text, encoding="utf-8", newline="")
+    os.replace(temporary, path)

@@ -1,0 +1,127 @@
+"""One run of a sweep, in whatever process it lands: metrics only, no files.
+
+Numpy and the compiled core are imported within the functions, so that a worker can first
+say that its linear algebra shall use one thread.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Sequence
+from multiprocessing import parent_process
+from multiprocessing.synchronize import Event
+from typing import Any
+
+from flexarm_ros.core.parameters import RunConfig
+
+Task = tuple[int, int, tuple[str, ...]]
+"""Index of the run, number of its scenario, overrides."""
+
+Row = dict[str, Any]
+"""``index``, ``outcome``, ``error``, ``unstable_tick`` and the metrics of ``summary.json``."""
+
+OUTCOMES = ("stable", "unstable", "invalid", "failed", "crashed")
+_STOP_EVERY = 512
+
+
+class Stopped(Exception):
+    """The sweep is being ended; the run is left undone."""
+
+
+def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
+    """Fly a scenario in this process and return how it ended and its metrics.
+
+    The numbers are those of ``summary.json`` of ``flexarm simulate``.  Raises Stopped if
+    ``stop()``, asked every 512 ticks, says so.
+    """
+    from flexarm_ros.core.loop import ClosedLoop
+    from flexarm_ros.core.metrics import Metrics
+    from flexarm_ros.core.rows import Rows
+
+    loop, rows, metrics = ClosedLoop(config), Rows(config), Metrics(config)
+    while (record := loop.tick()) is not None:
+        metrics.add(
+            rows.row(
+                record.k, record.q, record.qd, record.deflections[:2], record.tip[1:3],
+                record.torque,
+            )
+        )  # fmt: skip
+        if record.k % _STOP_EVERY == 0 and stop():
+            raise Stopped
+    stable = loop.unstable is None
+    return {
+        "outcome": "stable" if stable else "unstable",
+        "error": loop.unstable or "",
+        "stable": stable,
+        "unstable_tick": loop.unstable_tick,
+        **metrics.result(),
+    }
+
+
+def run_task(
+    bases: Sequence[RunConfig], task: Task, stop: Callable[[], bool] = lambda: False
+) -> Row:
+    """Return the row of one run; whatever goes wrong becomes part of it."""
+    from flexarm_ros.scenario import ScenarioError, with_values
+
+    index, base, overrides = task
+    try:
+        return {"index": index, **fly(with_values(bases[base], overrides), stop)}
+    except ScenarioError as error:
+        return {"index": index, "outcome": "invalid", "error": str(error)}
+    except Stopped:
+        raise
+    except Exception as error:
+        text = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        return {"index": index, "outcome": "failed", "error": text}
+
+
+_bases: Sequence[RunConfig] = ()
+_stop: Event | None = None
+
+
+def start_worker(bases: Sequence[RunConfig], stop: Event) -> None:
+    """Prepare a worker process: the scenarios, no signals of the terminal, one thread."""
+    global _bases, _stop
+    _bases, _stop = bases, stop
+    os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+    for signum in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(signum, signal.SIG_IGN)
+    threading.Thread(target=_follow_parent, daemon=True).start()
+
+
+def _follow_parent() -> None:
+    """Leave when the parent has died: nobody would take the results."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def run_tasks(tasks: Sequence[Task]) -> list[Row]:
+    """Return the rows of some runs, in a worker process; fewer if the sweep is stopped."""
+    rows: list[Row] = []
+    stop = _stop.is_set if _stop is not None else lambda: False
+    try:
+        for task in tasks:
+            if stop():
+                break
+            rows.append(run_task(_bases, task, stop))
+    except Stopped:
+        pass
+    return rows
+
+
+def run_tasks_remotely(bases: Sequence[RunConfig], tasks: Sequence[Task]) -> list[Row]:
+    """Return the rows of some runs, on a machine of a cluster."""
+    return [run_task(bases, task) for task in tasks]
+
+
+def code_version() -> dict[str, str]:
+    """Return what decides the numbers: versions of packages and a digest of the code."""
+    from flexarm_ros.bag.provenance import Provenance
+
+    here = Provenance.here()
+    return {**here.versions, "digest": here.digest}

@@ -1,0 +1,43 @@
+"""Run directories for the tests of pictures and reports: real ones, and spoilt ones."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros import scenario
+from flexarm_ros.bag import outputs
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.simulation import loop_blocks
+from flexarm_ros.core.loop import ClosedLoop
+
+
+def fly(directory: Path, name: str, *overrides: str) -> Path:
+    """Write what ``flexarm simulate NAME --no-bag`` writes beside its pictures."""
+    config = scenario.load(name, list(overrides))
+    loop = ClosedLoop(config)
+    directory.mkdir(parents=True)
+    metrics = outputs.write_trajectory(directory, config, loop_blocks(loop))
+    unstable = None
+    if loop.unstable is not None and loop.unstable_tick is not None:
+        unstable = (loop.unstable_tick, loop.unstable)
+    summary = outputs.summary_of(config, metrics, Provenance.here(name), 1.0, unstable)
+    outputs.write_summary(directory, summary)
+    return directory
+
+
+def edit_summary(directory: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    """Change a run's ``summary.json``."""
+    path = directory / "summary.json"
+    summary = json.loads(path.read_text("utf-8"))
+    change(summary)
+    path.write_text(json.dumps(summary), "utf-8")
+
+
+def cut_rows(directory: Path, rows: int, rest: str = "") -> None:
+    """Keep the first rows of ``trajectory.csv``, and ``rest`` as a row that was cut off."""
+    path = directory / "trajectory.csv"
+    lines = path.read_text("ascii").splitlines(keepends=True)
+    path.write_text("".join(lines[: rows + 1]) + rest, "ascii")
