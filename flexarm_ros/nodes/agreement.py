@@ -1,0 +1,58 @@
+"""How the nodes of a run come to one scenario: each tells its section, each merges all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from typing import Any
+
+from flexarm_ros import scenario
+from flexarm_ros.core.parameters import SECTIONS, RunConfig, RunParameters
+
+
+class Disagreement(ValueError):
+    """Two nodes of one run differ in a parameter that they share, or one makes no sense."""
+
+
+def dump_sections(config: RunConfig, role: str) -> str:
+    """Return the common section and that of ``role`` as JSON (floats read back exactly)."""
+    return json.dumps({"run": asdict(config.run), role: asdict(getattr(config, role))})
+
+
+def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
+    """Return ``own`` with each peer's section as the peer told it.
+
+    ``told`` maps a role to its node's name and its sections as JSON.  Raises
+    Disagreement where a common parameter differs, or where what a node told is
+    not a scenario's: it came over the network, so it is checked as a file is.
+    """
+    merged: dict[str, Any] = {}
+    for role, (node, text) in told.items():
+        if role not in SECTIONS:
+            continue
+        try:
+            sections = json.loads(text)
+            common = _section(RunParameters, sections["run"])
+            held = _section(SECTIONS[role], sections[role])
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+            raise Disagreement(f"{node} tells no parameters of a {role}") from None
+        for item in fields(RunParameters):
+            here, there = getattr(own.run, item.name), getattr(common, item.name)
+            if here != there:
+                raise Disagreement(f"/**.{item.name} is {here!r} here and {there!r} in {node}")
+        merged[role] = held
+    return _checked(replace(own, **merged))
+
+
+def _checked(config: RunConfig) -> RunConfig:
+    """Return ``config`` read anew, key by key: types, ranges and the scenario as a whole."""
+    try:
+        return scenario.from_dict(scenario.to_dict(config), config.torques)
+    except (ValueError, TypeError) as error:
+        raise Disagreement(str(error)) from None
+
+
+def _section(kind: type, values: Mapping[str, Any]) -> Any:
+    """Return a section from its JSON, lists as the tuples that they were."""
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})

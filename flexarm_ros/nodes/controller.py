@@ -1,0 +1,57 @@
+"""Node ``controller``: the control law."""
+
+from __future__ import annotations
+
+import copy
+from typing import ClassVar
+
+from flexarm_ros.core.control import Sample, make_law
+from flexarm_ros.nodes.participant import Participant
+
+
+class ControllerNode(Participant):
+    """Answers each tick with the torque, when it has every input of that tick."""
+
+    ROLE: ClassVar[str] = "controller"
+
+    def build(self) -> None:
+        """Make the law."""
+        self._law = make_law(self.config)
+        self._tip = self.inputs["tip_sensor/odometry"]
+        self._encoder = self.inputs["joint_states"]
+        self._state = self.inputs["plant/state"]
+        self._reference = self.inputs["reference"]
+        self._torque = self.outputs["joint_command"]
+        self._n = 2 + 2 * self.config.plant.modes
+
+    def rehearse(self) -> None:
+        """Compile before the run."""
+        zeros, four = (0.0,) * self._n, (0.0,) * 4
+        copy.deepcopy(self._law).torque(0, Sample(zeros, zeros, (0.0, 0.0), four, four, four))
+
+    def advance(self) -> bool:
+        """Compute the torque of this tick."""
+        if not self.have(self._tip, self._encoder, self._state, self._reference):
+            return False
+        tick = self.tick
+        self._torque.send(self.timeline.stamp_ns(tick), *self._law.torque(tick, self._sample()))
+        self.tick += 1
+        self.check_end()
+        return True
+
+    def _sample(self) -> Sample:
+        state, n = self._state.values, self._n
+        return Sample(
+            state[:n], state[n + 2 : 2 * n + 2], state[n : n + 2],
+            self._encoder.values, self._tip.values, self._reference.values,
+        )  # fmt: skip
+
+    def waiting_for(self) -> tuple[str, str]:
+        """Blame the plant where there is no state, else the sensor that is silent."""
+        if not self._state.fetch(self.tick):
+            return "plant", "no message on plant/state"
+        return super().waiting_for()
+
+    def patience_s(self) -> float:
+        """Speak first: this node knows which sensor is silent."""
+        return 0.0

@@ -1,0 +1,37 @@
+"""Node ``encoder``: joint angles and rates as the joint encoders deliver them."""
+
+from __future__ import annotations
+
+import copy
+from typing import ClassVar
+
+from flexarm_ros.core.sensors import Encoder
+from flexarm_ros.nodes.participant import Participant
+
+
+class EncoderNode(Participant):
+    """Answers each plant state with the measured angles, late by the latency."""
+
+    ROLE: ClassVar[str] = "encoder"
+
+    def build(self) -> None:
+        """Make the encoder."""
+        self._encoder = Encoder(self.config)
+        self._state = self.inputs["plant/state"]
+        self._measured = self.outputs["joint_states"]
+        self._n = 2 + 2 * self.config.plant.modes
+
+    def rehearse(self) -> None:
+        """Compile before the run."""
+        copy.deepcopy(self._encoder).measure(0, [0.0] * self._n, [0.0] * self._n)
+
+    def advance(self) -> bool:
+        """Measure the state of this tick."""
+        if not self.have(self._state):
+            return False
+        state = self._state.values
+        n = self._n
+        self._measured.send(*self._encoder.measure(self.tick, state[:n], state[n + 2 : 2 * n + 2]))
+        self.tick += 1
+        self.check_end()
+        return True

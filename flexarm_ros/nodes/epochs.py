@@ -1,0 +1,63 @@
+"""Starting a run again in the same graph: every node at tick 0, no old message taken.
+
+The plant announces a new epoch by its status.  Each node then delivers what it
+has sent, rebuilds its part and says so; when it sees that all have, the last
+message of the old epoch is in the queues, so it empties them and is ready.
+The new run's bytes are those of a fresh one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexarm_ros.nodes.status import Phase, Status
+
+if TYPE_CHECKING:
+    from flexarm_ros.nodes.participant import Participant
+
+_KEY = "epoch"
+
+
+def epoch_of(status: Status | None) -> int:
+    """Return the epoch that a participant is in."""
+    return int(status.extra.get(_KEY, "0")) if status is not None else 0
+
+
+class Epochs:
+    """One participant's way from epoch to epoch."""
+
+    def __init__(self, participant: Participant) -> None:
+        self._me = participant
+        self.number = 0
+
+    def extra(self, **more: str) -> dict[str, str]:
+        """Return what the status says beside the phase."""
+        return {_KEY: str(self.number), **more}
+
+    def announced(self) -> bool:
+        """Whether the plant is in a later epoch than this node."""
+        return epoch_of(self._me.membership.status_of("plant")) > self.number
+
+    def begin(self, number: int) -> None:
+        """Leave the old epoch: deliver, rebuild, say so."""
+        me = self._me
+        self.number = number
+        me.flush()
+        me.tick, me.last_tick = 0, None
+        for entry in me.inputs.values():
+            entry.reset()
+        me.build()
+        me.change_phase(Phase.RESETTING, extra=self.extra())
+
+    def settled(self) -> bool:
+        """Whether all have left the old epoch; then its last messages are thrown away."""
+        me = self._me
+        for role in me.membership.required():
+            if role in me.membership.foreign:
+                continue
+            status = me.membership.status_of(role)
+            if status is None or epoch_of(status) < self.number:
+                return False
+        for entry in me.inputs.values():
+            entry.drain()
+        return True

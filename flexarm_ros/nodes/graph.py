@@ -1,0 +1,65 @@
+"""Who reads what: the node graph of a run.
+
+The per-tick topics themselves, with their types and publishers, are in
+`flexarm_ros.bag.topics`; this table adds their readers.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from flexarm_ros.bag.topics import Qos, Topic
+
+ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+"""Participants of a run; a missing one keeps the others waiting."""
+
+OUTPUT = {
+    "plant": "plant/state",
+    "encoder": "joint_states",
+    "tip_sensor": "tip_sensor/odometry",
+    "trajectory": "reference",
+    "controller": "joint_command",
+}
+"""The topic by which a node of somebody else's is recognised to fill a role."""
+
+READERS: dict[str, tuple[str, ...]] = {
+    "/clock": ("recorder",),
+    "plant/state": ("encoder", "tip_sensor", "controller", "recorder"),
+    "joint_states": ("controller", "recorder"),
+    "tip_sensor/odometry": ("controller", "recorder"),
+    "reference": ("controller", "recorder"),
+    "joint_command": ("plant", "recorder"),
+}
+"""Topic -> roles that read it; order of a reader's inputs is the order in which it waits."""
+
+RECORDED_TOPIC = "lockstep/recorded"
+"""std_msgs/UInt64 from the recorder: ticks that are whole in the bag."""
+
+TICK_TOPIC = "lockstep/tick"
+"""std_msgs/UInt64 from the plant, every `TICK_EVERY` ticks: the tick that it has reached."""
+
+TICK_EVERY = 32
+
+
+def message_class(type_name: str) -> Any:
+    """Return the Python class of a ROS type such as ``sensor_msgs/msg/JointState``."""
+    package, _, name = type_name.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+def qos_profile(qos: Qos) -> QoSProfile:
+    """Return rclpy's profile of a topic's quality of service."""
+    return QoSProfile(
+        depth=qos.depth,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy[qos.reliability.upper()],
+        durability=DurabilityPolicy[qos.durability.upper()],
+    )
+
+
+def reads(role: str, topic: Topic) -> bool:
+    """Whether ``role`` reads ``topic``."""
+    return role in READERS[topic.name]

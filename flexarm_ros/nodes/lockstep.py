@@ -1,0 +1,171 @@
+"""The hot path of a run: inputs by tick, outputs as bytes, and the loop that drives them.
+
+Tick k of a run is at ``T0 + k T``.  A participant advances when it has every
+input of its next tick; nothing here looks at the wall clock but the limits on
+how long a peer may take to answer.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from flexarm_ros.bag.topics import Topic
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.graph import message_class, qos_profile
+
+if TYPE_CHECKING:
+    from flexarm_ros.nodes.participant import Participant
+
+Values = tuple[float, ...]
+SENSORS = ("encoder", "tip_sensor")
+HOUSEKEEPING_S = 0.1
+"""Wall time between looks at the peers while a run goes on."""
+
+
+class RunFailed(Exception):
+    """The run cannot go on; ``blame`` is the role held responsible.
+
+    ``told_by`` is the role that found it out, where it was not this node.
+    """
+
+    def __init__(self, blame: str, reason: str, told_by: str = "") -> None:
+        super().__init__(reason)
+        self.blame = blame
+        self.reason = reason
+        self.told_by = told_by
+
+
+class Output:
+    """One per-tick topic that this node publishes, as serialized bytes."""
+
+    def __init__(self, participant: Participant, topic: Topic) -> None:
+        self.topic = topic
+        self.publisher = participant.create_publisher(
+            message_class(topic.type_name), topic.name, qos_profile(topic.qos),
+            qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self.configure(topic, None)
+
+    def configure(self, topic: Topic, timeline: Timeline | None) -> None:
+        """Take the layout of the agreed scenario."""
+        self.topic = topic
+        self._encode = topic.codec.encode
+        self._publish = self.publisher.publish
+
+    def send(self, stamp_ns: int, *values: float) -> None:
+        """Publish one message with the values in the order of the codec's fields."""
+        self._publish(self._encode(stamp_ns, *values))
+
+
+class Input:
+    """One per-tick topic that this node reads, in the order of ticks.
+
+    The middleware's queue is the only queue: a message is taken when its tick
+    is due.  ``expect`` gives the stamp that the message of a tick must carry
+    (None: any stamp that is not ahead of the tick).
+    """
+
+    def __init__(self, participant: Participant, topic: Topic) -> None:
+        self.topic = topic
+        self._participant = participant
+        self._type = message_class(topic.type_name)
+        self.subscription = participant.create_subscription(
+            self._type, topic.name, lambda _: None, qos_profile(topic.qos),
+            callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self.handle = self.subscription.handle
+        self._take = self.handle.take_message
+        self.accepted: bytes | None = None
+        self.source = topic.node
+        self.reset()
+
+    def reset(self) -> None:
+        """Expect tick 0 next."""
+        self.tick = -1
+        self.data = b""
+        self._sequence: int | None = None
+        self.values: Values = ()
+
+    def configure(self, topic: Topic, timeline: Timeline) -> None:
+        """Take the layout and the stamps of the agreed scenario."""
+        self.topic = topic
+        self._decode = topic.codec.decode_any
+        self._stamp_ns = timeline.stamp_ns
+        self._exact = topic.node not in SENSORS
+        # /clock is every arm's of a graph; the others are this run's alone.
+        alone = not topic.name.startswith("/")
+        self._unwanted = f"a publisher that is not this run's {topic.node}" if alone else ""
+
+    def drain(self) -> None:
+        """Throw away what is in the queue and expect tick 0 next."""
+        while self._take(self._type, True) is not None:
+            pass
+        self.reset()
+
+    def fetch(self, tick: int) -> bool:
+        """Take messages until that of ``tick`` is here; False where it has not come yet.
+
+        Raises `RunFailed` on a message that is none of the run's, unless the
+        parameter ``on_invalid`` says to pass over it.
+        """
+        while self.tick < tick:
+            taken = self._take(self._type, True)
+            if taken is None:
+                return False
+            fault = self._accept(taken[0], taken[1])
+            if fault:
+                self._participant.invalid_message(self.topic.name, fault)
+        return True
+
+    def _accept(self, data: bytes, info: dict[str, Any]) -> str:
+        """Make ``data`` the message of the next tick, or say what is wrong with it."""
+        sender = info.get("publisher_gid")
+        if self.accepted and sender is not None and sender["data"][:16] != self.accepted:
+            return self._unwanted
+        tick = self.tick + 1
+        number = info.get("publication_sequence_number")
+        if number is not None:
+            if self._sequence is not None and number != self._sequence + 1:
+                raise RunFailed(self.source, f"tick {tick}: a message on {self.topic.name} is lost")
+            self._sequence = number
+        try:
+            stamp, values = self._decode(data)
+        except ValueError as error:
+            return str(error)
+        due = self._stamp_ns(tick)
+        if stamp > due or (self._exact and stamp != due):
+            return f"stamp {stamp} ns where tick {tick} has {due} ns"
+        if not math.isfinite(sum(values)):
+            return f"value that is not finite at tick {tick}"
+        self.tick, self.data, self.values = tick, data, values
+        return ""
+
+    def bind(self, endpoints: Sequence[Any]) -> None:
+        """Accept messages of the one publisher in ``endpoints`` only."""
+        self.accepted = bytes(endpoints[0].endpoint_gid)[:16]
+
+
+def spin(participants: Sequence[Participant]) -> None:
+    """Drive the participants of this process until each has left its run."""
+    waiter = Waiter(participants[0].context)
+    alone = len(participants) == 1
+    next_look = 0.0
+    while True:
+        busy = False
+        for participant in participants:
+            busy |= participant.drive()
+        now = time.monotonic()
+        if now >= next_look:
+            for participant in participants:
+                participant.look_around(now)
+            if all(p.finished for p in participants):
+                return
+            next_look = now + min(p.look_interval for p in participants)
+        if alone or not busy:
+            waiting = [handle for p in participants for handle in p.blocked_on()]
+            pause = min([max(0.0, next_look - now)] + [p.nap(now) for p in participants])
+            waiter.wait(waiting, int(pause * 1e9))

@@ -1,0 +1,226 @@
+"""Joining a run: who is there, do we agree on the scenario, are we all connected."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
+from flexarm_ros.nodes.epochs import epoch_of
+from flexarm_ros.nodes.graph import OUTPUT, READERS, ROLES
+from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.status import Board, Phase, Status
+
+if TYPE_CHECKING:
+    from flexarm_ros.nodes.participant import Participant
+
+_FOREIGN_AFTER_S = 2.0
+"""A publisher that has not introduced itself by then is somebody else's node."""
+
+
+class Membership:
+    """What one participant knows of its run's members."""
+
+    def __init__(self, participant: Participant, board: Board) -> None:
+        self._me = participant
+        self._board = board
+        self.config: RunConfig = participant.config
+        self.built = False
+        self.refused = False
+        self._since: float | None = None
+        self._newcomers = -1
+        self._foreign_since: dict[str, float] = {}
+        self.foreign: set[str] = set()
+        self._members: dict[str, str] = {}
+
+    def required(self) -> list[str]:
+        """Return the roles that the run needs, this node's own left out."""
+        skip = {self._me.ROLE} if self.config.run.record else {self._me.ROLE, "recorder"}
+        return [role for role in ROLES if role not in skip]
+
+    def own_parameters(self) -> str:
+        """Return this node's section and the common one as JSON, for the peers."""
+        return dump_sections(self._me.config, self._me.ROLE)
+
+    def status_of(self, role: str) -> Status | None:
+        """Return the status of a role's holder, None where there is none.
+
+        The holder is whoever was there when this node became ready; before, of
+        those who are there, the one that was first.
+        """
+        if role in self._members:
+            return self._board.others.get(self._members[role])
+        held = self._board.of(role)
+        return min(held, key=lambda s: (s.phase.over, s.identity)) if held else None
+
+    def sent_by(self, role: str, info: dict[str, Any]) -> bool:
+        """Whether a message with this ``info`` comes from the holder of ``role``."""
+        status = self.status_of(role)
+        sender = info.get("publisher_gid")
+        if status is None or sender is None:
+            return role in self.foreign
+        return bool(bytes(sender["data"])[:12] == self._board.gid(status)[:12])
+
+    def settle(self) -> None:
+        """Keep to the peers that are there now: a newcomer changes nothing any more."""
+        held = {role: self.status_of(role) for role in self.required()}
+        self._members = {role: status.identity for role, status in held.items() if status}
+
+    # --- joining ---------------------------------------------------------------------
+
+    def join(self, now: float) -> bool:
+        """Return True when every role is filled and all agree on the scenario."""
+        self._check_patience(now)
+        self._board.forget_the_gone()
+        self._refuse_a_second_holder()
+        missing = [role for role in self.required() if not self._filled(role, now)]
+        if missing:
+            self._patience_for(missing, now)
+            return False
+        if not self.built:
+            self.config = self._merge()
+        return True
+
+    def _check_patience(self, now: float) -> None:
+        """Restart the limit on joining at each newcomer."""
+        if self._since is None or self._newcomers != self._board.newcomers:
+            self._since, self._newcomers = now, self._board.newcomers
+
+    def _patience_for(self, missing: list[str], now: float) -> None:
+        limit = self._me.config.run.start_timeout
+        if self._since is not None and now - self._since > limit:
+            names = ", ".join(missing)
+            raise RunFailed(missing[0], f"start: no {names} joined within {limit:g} s")
+
+    def _refuse_a_second_holder(self) -> None:
+        """Leave if another node holds this role already."""
+        for other in self._board.of(self._me.ROLE):
+            if other.phase.over:
+                continue
+            earlier = other.phase is not Phase.JOINING
+            if earlier or other.identity < self._board.mine.identity:
+                self.refused = True
+                raise RunFailed(
+                    self._me.ROLE,
+                    f"refused: another {self._me.ROLE} ({other.node}) takes part in this run",
+                )
+
+    def _filled(self, role: str, now: float) -> bool:
+        """Whether one of ours, or after a while a foreign node, fills ``role``."""
+        ours = [s for s in self._board.of(role) if not s.phase.over]
+        if ours:
+            self.foreign.discard(role)
+            return True
+        topic = OUTPUT.get(role)
+        if topic is None or not self._strangers(topic):
+            self._foreign_since.pop(role, None)
+            return False
+        since = self._foreign_since.setdefault(role, now)
+        if now - since < _FOREIGN_AFTER_S:
+            return False
+        self.foreign.add(role)
+        return True
+
+    def _strangers(self, topic: str) -> list[Any]:
+        """Return the publishers of ``topic`` that belong to no participant."""
+        name = self._me.resolve_topic_name(topic)
+        known = self._board.writers()
+        return [
+            endpoint
+            for endpoint in self._me.get_publishers_info_by_topic(name)
+            if bytes(endpoint.endpoint_gid)[:12] not in known
+        ]
+
+    def _merge(self) -> RunConfig:
+        """Return the scenario made of every participant's own section.
+
+        Raises RunFailed where two nodes disagree on what they share.
+        """
+        held = [self.status_of(role) for role in self.required()]
+        texts = {s.role: (s.node, s.parameters) for s in held if s and not s.phase.over}
+        try:
+            return merge_sections(self._me.config, texts)
+        except Disagreement as error:
+            raise RunFailed("", f"start: the nodes disagree: {error}") from None
+
+    # --- connections -------------------------------------------------------------------
+
+    def matched(self) -> bool:
+        """Whether every input has its publisher and every output all its readers."""
+        return all(self._input_matched(i) for i in self._me.inputs.values()) and all(
+            self._output_matched(o) for o in self._me.outputs.values()
+        )
+
+    def _input_matched(self, entry: Any) -> bool:
+        endpoints = self._me.get_publishers_info_by_topic(entry.subscription.topic_name)
+        strangers = self._strangers(entry.topic.name)
+        if entry.source in self.foreign:
+            mine = strangers
+        else:
+            status = self.status_of(entry.source)
+            prefix = self._board.gid(status)[:12] if status and not status.phase.over else None
+            mine = [e for e in endpoints if bytes(e.endpoint_gid)[:12] == prefix]
+            if entry.topic.name == "/clock":
+                strangers = []  # another arm of this graph may have a clock too
+            mine += strangers
+        if len(mine) > 1:
+            nodes = " and ".join(
+                sorted(f"{e.node_namespace.rstrip('/')}/{e.node_name}" for e in mine)
+            )
+            raise RunFailed("", f"start: two publishers on {entry.topic.name}: {nodes}")
+        if not mine or entry.subscription.handle.get_publisher_count() < 1:
+            return False
+        entry.bind(mine)
+        return True
+
+    def _output_matched(self, output: Any) -> bool:
+        """Whether the readers are there, and the middleware has connected as many as it sees."""
+        roles = [r for r in READERS[output.topic.name] if r in self.required()]
+        endpoints = self._me.get_subscriptions_info_by_topic(output.publisher.topic_name)
+        for role in roles:
+            if role in self.foreign:
+                continue
+            status = self.status_of(role)
+            if status is None:
+                return False
+            prefix = self._board.gid(status)[:12]
+            if not any(bytes(e.endpoint_gid)[:12] == prefix for e in endpoints):
+                return False
+        mine = output.publisher.qos_profile
+        able = sum(
+            qos_check_compatible(mine, e.qos_profile)[0] is not QoSCompatibility.ERROR
+            for e in endpoints
+        )
+        return bool(output.publisher.get_subscription_count() >= able > 0)
+
+    # --- while it runs -------------------------------------------------------------------
+
+    def all_ready(self, epoch: int) -> bool:
+        """Whether every peer of ours is connected and built (plant: tick 0 may go out)."""
+        for role in self.required():
+            if role in self.foreign:
+                continue
+            status = self.status_of(role)
+            if status is None or status.phase not in (Phase.READY, Phase.RUNNING):
+                return False
+            if epoch_of(status) != epoch:
+                return False
+        return True
+
+    def not_ready(self) -> list[str]:
+        """Return the roles that are still joining."""
+        late = []
+        for role in self.required():
+            status = self.status_of(role)
+            if role not in self.foreign and (status is None or status.phase is Phase.JOINING):
+                late.append(role)
+        return late
+
+    def watch(self, now: float) -> None:
+        """Raise RunFailed where a peer has failed."""
+        for role in self.required():
+            status = self.status_of(role)
+            if status is not None and status.phase in (Phase.FAILED, Phase.REFUSED):
+                raise RunFailed(status.blame or role, status.text, told_by=role)

@@ -1,0 +1,335 @@
+"""What every node of a run does: join, agree on the scenario, advance, leave."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from typing import Any, ClassVar
+
+from rclpy.node import Node
+
+from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.epochs import Epochs
+from flexarm_ros.nodes.graph import reads
+from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
+from flexarm_ros.nodes.membership import Membership
+from flexarm_ros.nodes.parameters import declare_and_load, declare_own
+from flexarm_ros.nodes.status import Board, Phase
+from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
+
+_JOIN_INTERVAL_S = 0.02
+_STALL_S = 0.5
+
+
+def describe(error: BaseException) -> str:
+    """Return an error's name and text in one line of at most 300 characters."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:300]
+
+
+class Participant(Node):
+    """A node that takes part in a lock-step run under a role.
+
+    A subclass names its ``ROLE``, builds its part of the core in `build` and
+    does one step of its work in `advance`, which returns False when it lacks
+    an input.  Which topics it reads and writes follows from the table in
+    `flexarm_ros.bag.topics`.
+    """
+
+    ROLE: ClassVar[str]
+    OWN_PARAMETERS: ClassVar[dict[str, tuple[Any, str]]] = {}
+    """Parameters that are no part of a scenario: name -> (default, description)."""
+
+    def __init__(self, argv: list[str], supervisor: Supervisor, **options: Any) -> None:
+        super().__init__(self.ROLE, **options)
+        self.supervisor = supervisor
+        self.config = declare_and_load(self, self.ROLE, argv)
+        declare_own(self)
+        self.board = Board(self, self.ROLE)
+        self.failure: RunFailed | None = None
+        self.failed_run = False
+        self.finished = False
+        self.interrupted = 0
+        self.released = False
+        """Set by the launcher's SIGUSR1: what it had to do at a held tick is done."""
+        self.look_interval = _JOIN_INTERVAL_S
+        self.invalid = 0
+        self._last_invalid_log = 0.0
+        self.inputs: dict[str, Input] = {}
+        self._missing: Input | None = None
+        self.outputs: dict[str, Output] = {}
+        for topic in per_tick_topics(self.config):
+            if topic.node == self.ROLE:
+                self.outputs[topic.name] = Output(self, topic)
+            elif reads(self.ROLE, topic):
+                self.inputs[topic.name] = Input(self, topic)
+        self.membership = Membership(self, self.board)
+        self.epochs = Epochs(self)
+        self.tick = 0
+        self.last_tick: int | None = None
+        self._moved = self._ready_at = self._looked = time.monotonic()
+        self._closed = False
+        self.crashed = ""
+        """An exception in a service's callback, from the thread that serves them."""
+        self.board.publish(parameters=self.membership.own_parameters())
+
+    # --- what a subclass provides -------------------------------------------------
+
+    def build(self) -> None:
+        """Make the core object of this node from ``self.config`` (agreed by all)."""
+        raise NotImplementedError
+
+    def rehearse(self) -> None:
+        """Call the core once on a copy: what is not compiled yet is compiled before tick 0."""
+
+    def advance(self) -> bool:
+        """Do the work of ``self.tick`` as far as the inputs allow; True where any was done."""
+        raise NotImplementedError
+
+    def waiting_for(self) -> tuple[str, str]:
+        """Return the role that has not answered ``self.tick`` and what it owes."""
+        for entry in self.inputs.values():
+            if entry.tick < self.tick:
+                return entry.source, f"no message on {entry.topic.name}"
+        return "", ""
+
+    def close(self) -> None:
+        """Finish files; called once, however the run ends."""
+
+    def start(self) -> None:
+        """Begin the run; called when this node is ready (plant: when all are)."""
+        self.change_phase(Phase.RUNNING, extra=self.epochs.extra())
+
+    def have(self, *entries: Input) -> bool:
+        """Whether each of these inputs has its message of ``self.tick``.
+
+        The first that has not is what this node then sleeps on: give the one
+        that comes last first, and a tick costs one wake-up.
+        """
+        for entry in entries:
+            if not entry.fetch(self.tick):
+                self._missing = entry
+                return False
+        return True
+
+    # --- driven by lockstep.spin ---------------------------------------------------
+
+    def drive(self) -> bool:
+        """Advance as far as the inputs allow; True where anything was done."""
+        if self.board.mine.phase not in (Phase.RUNNING, Phase.PAUSED):
+            return False
+        moved = False
+        try:
+            while not self.finished and self.advance():
+                moved = True
+        except Exception as error:
+            self.fail(self._failure_of(error))
+        if moved:
+            self._moved = time.monotonic()
+        return moved
+
+    def blocked_on(self) -> list[Any]:
+        """Return the handles to wait on: the missing input, or the peers' status."""
+        if self._missing is not None and self.board.mine.phase in (Phase.RUNNING, Phase.PAUSED):
+            return [self._missing.handle]  # the peers' status is looked at now and then
+        return [self.board.handle]
+
+    def nap(self, now: float) -> float:
+        """Return how long this node may sleep at the longest, in seconds."""
+        return HOUSEKEEPING_S
+
+    def look_around(self, now: float) -> None:
+        """Look at the peers, the supervisor and the time limits."""
+        if self.finished:
+            return
+        if now - self._looked > self.look_interval + _STALL_S:
+            self._moved = now  # this process stood still: what came meanwhile is still to be read
+        self._looked = now
+        try:
+            self.board.update()
+            if self.crashed:
+                raise RunFailed(self.ROLE, f"tick {self.tick}: in a service: {self.crashed}")
+            if self.interrupted or self.supervisor.gone:
+                self.interrupt()
+            elif self.board.mine.phase is Phase.JOINING:
+                self._join(now)
+            elif self.board.mine.phase is Phase.READY:
+                self.membership.watch(now)
+                self.check_start(now)
+            elif self.board.mine.phase is Phase.RESETTING:
+                self._reset(now)
+            else:
+                self._check_running(now)
+        except Exception as error:
+            self.fail(self._failure_of(error))
+
+    def _failure_of(self, error: Exception) -> RunFailed:
+        """Return what ended the run; an error nobody foresaw goes to the log with its place."""
+        if isinstance(error, RunFailed):
+            return error
+        self.get_logger().error("".join(traceback.format_exception(error)))
+        return RunFailed(self.ROLE, f"tick {self.tick}: {describe(error)}")
+
+    def check_start(self, now: float) -> None:
+        """Start as soon as ready: a node other than the plant waits for messages only."""
+        self.start()
+
+    def _join(self, now: float) -> None:
+        if not self.membership.join(now):
+            return
+        if not self.membership.built:
+            self.config = self.membership.config
+            self.timeline = Timeline.of(self.config.run)
+            for topic in per_tick_topics(self.config):
+                for entries in (self.inputs, self.outputs):
+                    if topic.name in entries:
+                        entries[topic.name].configure(topic, self.timeline)
+            self.build()
+            self.rehearse()
+            self.membership.built = True
+        if self.membership.matched():
+            self.membership.settle()
+            self.change_phase(Phase.READY)
+            self._moved = self._ready_at = now
+            self.look_interval = _JOIN_INTERVAL_S
+            self.check_start(now)
+
+    def _reset(self, now: float) -> None:
+        """Be ready for the new epoch as soon as everybody has left the old one."""
+        self.membership.watch(now)
+        if self.epochs.settled():
+            self.change_phase(Phase.READY, extra=self.epochs.extra())
+            self._moved = self._ready_at = now
+            self.check_start(now)
+
+    def _check_running(self, now: float) -> None:
+        self.look_interval = HOUSEKEEPING_S
+        if self.epochs.announced():
+            self.epochs.begin(self.epochs.number + 1)
+            self.look_interval = _JOIN_INTERVAL_S
+            return
+        plant = self.membership.status_of("plant")
+        if plant is not None and plant.last_tick >= 0:
+            self.last_tick = plant.last_tick
+            self.check_end()
+        if self.finished:
+            return
+        self.membership.watch(now)
+        paused = plant is not None and plant.phase is Phase.PAUSED
+        pace = float(plant.extra.get("pace_s", "0")) if plant is not None else 0.0
+        limit = self.config.run.tick_timeout + self.patience_s() + pace
+        if not self._begun():
+            if now - self._ready_at > self.config.run.start_timeout:
+                raise RunFailed(
+                    "plant", f"start: not begun within {self.config.run.start_timeout:g} s"
+                )
+            self._moved = now
+        elif paused or self.board.mine.phase is Phase.PAUSED:
+            self._moved = now
+        elif now - self._moved > limit:
+            blame, owed = self.waiting_for()
+            raise RunFailed(
+                blame, f"tick {self.tick}: {owed} within {self.config.run.tick_timeout:g} s"
+            )
+
+    def _begun(self) -> bool:
+        """Whether tick 0 may have gone out: before, the plant waits for the slowest node."""
+        if self.ROLE == "plant" or any(entry.tick >= 0 for entry in self.inputs.values()):
+            return True
+        plant = self.membership.status_of("plant")
+        return plant is not None and plant.phase not in (Phase.JOINING, Phase.READY)
+
+    def patience_s(self) -> float:
+        """Return wall time beyond the tick limit before this node gives its verdict.
+
+        The node nearest to the missing answer speaks first: the controller
+        knows which sensor is silent, the plant only that there is no torque.
+        """
+        return 0.5
+
+    # --- leaving --------------------------------------------------------------------
+
+    def change_phase(self, phase: Phase, **more: Any) -> None:
+        """Enter ``phase`` and tell the peers and the supervisor."""
+        self.board.publish(phase=phase, text=more.pop("text", phase.value), **more)
+        self.supervisor.report(self.ROLE, phase=phase.value, text=self.board.mine.text)
+
+    def end_of_run(self, tick: int) -> bool:
+        """Whether ``tick`` lies beyond the last tick of the run."""
+        return tick >= self.timeline.ticks or (self.last_tick is not None and tick > self.last_tick)
+
+    def check_end(self) -> None:
+        """Leave if the plant has ended the run and this node has done its part."""
+        if self.end_of_run(self.tick):
+            self.finish()
+
+    def finish(self) -> None:
+        """Leave a run that is complete as far as this node goes."""
+        if self.finished:
+            return
+        self.finished = True
+        self.flush()
+        try:
+            self._close()
+        except Exception as error:
+            self.finished = False
+            raise self._failure_of(error) from None
+        self.change_phase(Phase.DONE, text=f"done after {self.tick} ticks", last_tick=self.tick - 1)
+        self.board.flush(1.0)
+
+    def _close(self) -> None:
+        """Close once."""
+        if not self._closed:
+            self._closed = True
+            self.close()
+
+    def flush(self) -> None:
+        """Wait until every reader has this node's messages, two seconds at the longest."""
+        from rclpy.duration import Duration
+
+        deadline = time.monotonic() + 2.0
+        for output in self.outputs.values():
+            left = max(0.0, deadline - time.monotonic())
+            output.publisher.wait_for_all_acked(Duration(seconds=left))
+
+    def interrupt(self) -> None:
+        """Leave because the user or the launcher said so."""
+        reason = "launcher gone" if self.supervisor.gone else INTERRUPTED
+        self.fail(RunFailed(self.ROLE, f"{reason} at tick {self.tick}"))
+
+    def fail(self, failure: RunFailed) -> None:
+        """Leave a run that cannot go on, and say why."""
+        if self.finished:
+            return
+        self.finished = True
+        self.failure = failure
+        told = f"ended by the {failure.told_by}: " if failure.told_by else ""
+        who = f"{failure.blame}: " if failure.blame else ""
+        self.get_logger().error(f"{told}{who}{failure.reason}")
+        self.supervisor.report(
+            self.ROLE, phase="failed", blame=failure.blame, text=failure.reason, tick=self.tick
+        )
+        refused = self.membership.refused
+        self.board.publish(
+            phase=Phase.REFUSED if refused else Phase.FAILED,
+            text=failure.reason,
+            blame=failure.blame,
+        )
+        try:
+            self._close()
+        except Exception as error:  # the run has failed already, for another reason
+            self.get_logger().error(describe(error))
+        self.board.flush(1.0)
+
+    def invalid_message(self, topic: str, fault: str) -> None:
+        """Count a message that is none of the run's, and end the run if so configured.
+
+        Raises `RunFailed` where ``on_invalid`` is ``error``.
+        """
+        self.invalid += 1
+        if self.config.run.on_invalid == "error":
+            raise RunFailed("", f"tick {self.tick}: invalid message on {topic}: {fault}")
+        now = time.monotonic()
+        if now - self._last_invalid_log >= 1.0:
+            self._last_invalid_log = now
+            self.get_logger().warning(f"{self.invalid} invalid messages, last on {topic}: {fault}")

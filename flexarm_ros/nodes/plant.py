@@ -1,0 +1,222 @@
+"""Node ``plant``: the arm itself, and the clock of the run."""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from std_msgs.msg import UInt64
+
+from flexarm_ros.core.plant import instability, make_plant
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
+from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.participant import Participant
+from flexarm_ros.nodes.run_control import RunControl
+from flexarm_ros.nodes.status import Phase
+
+RECORDER_WINDOW = 256
+"""Ticks that the plant may be ahead of the recorder, well below the topics' depth."""
+
+
+class PlantNode(Participant):
+    """Publishes ``/clock`` and the state of tick k, waits for its torque, integrates."""
+
+    ROLE: ClassVar[str] = "plant"
+    OWN_PARAMETERS: ClassVar[dict[str, tuple[Any, str]]] = {
+        "real_time_factor": (0.0, "hold the run to this multiple of real time; 0: free to run"),
+        "step_ticks": (1, "ticks that the service ~/step lets a paused run do"),
+        "hold_at": ("", "ticks, comma separated, before which the launcher has something to do"),
+    }
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._recorded = self.create_subscription(
+            UInt64, RECORDED_TOPIC, lambda _: None, 1, callback_group=HOT,
+            qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self._reached = self.create_publisher(
+            UInt64, TICK_TOPIC, 1, qos_overriding_options=NO_OVERRIDES
+        )
+        holds = str(self.get_parameter("hold_at").value or "")
+        self._holds = sorted(int(text) for text in holds.split(",") if text.strip())
+        self._sent = False
+        self._free = self.config.run.sync == "free"
+        self.control = RunControl(self)
+        if self._free and self.control.rtf == 0.0:
+            self.control.rtf = 1.0
+
+    def build(self) -> None:
+        """Make the arm at its initial state."""
+        self.plant = make_plant(self.config)
+        self._command = self.inputs["joint_command"]
+        self._time = self.outputs["/clock"]
+        self._state = self.outputs["plant/state"]
+        self._sent = False
+        self._reported_hold = False
+        self._acknowledged = 0
+
+    def rehearse(self) -> None:
+        """Compile before the run."""
+        copy.deepcopy(self.plant).step(0.0, 0.0)
+
+    def check_start(self, now: float) -> None:
+        """Start when every participant is connected and built."""
+        if self.membership.all_ready(self.epochs.number):
+            self.control.begin(0)
+            self._tell(Phase.RUNNING)
+        elif now - self._moved > self.config.run.start_timeout:
+            late = self.membership.not_ready()
+            raise RunFailed(
+                late[0], f"start: {', '.join(late)} not ready within "
+                f"{self.config.run.start_timeout:g} s",
+            )  # fmt: skip
+
+    def advance(self) -> bool:
+        """Publish the state of this tick, or integrate with the torque that answers it."""
+        if self._free:
+            return self._advance_free()
+        if not self._sent:
+            if self._held():
+                return False
+            self._send()
+            self._sent = True
+            return True
+        if not self.have(self._command):
+            return False
+        self._sent = False
+        if self.tick + 1 >= self.timeline.ticks:
+            self.tick += 1
+            self.finish()
+            return False
+        return self._integrate(self._command.values)
+
+    def _integrate(self, torque: Sequence[float]) -> bool:
+        """Go to the next tick with the torque held; False where the arm is unstable there."""
+        self.plant.step(torque[0], torque[1])
+        trouble = instability(self.plant)
+        if trouble:
+            self._end_unstable(trouble)
+            return False
+        self.tick += 1
+        return True
+
+    def _advance_free(self) -> bool:
+        """Keep the wall clock's pace: hold the newest torque that has come, wait for none."""
+        while self._command.tick < self.tick and self._command.fetch(self._command.tick + 1):
+            pass
+        last = self.timeline.ticks - 1
+        if self.tick > last:
+            if self._command.tick >= last:
+                self.finish()
+            return False
+        if self._held():
+            return False
+        self._send()
+        if self.tick == last:
+            self.tick += 1
+            return True
+        return self._integrate(self._command.values or (0.0, 0.0))
+
+    def _send(self) -> None:
+        if self.tick % TICK_EVERY == 0:
+            self._reached.publish(UInt64(data=self.tick))
+        stamp = self.timeline.stamp_ns(self.tick)
+        plant = self.plant
+        d1, d2, rate1, rate2 = plant.deflections()
+        self._state.send(stamp, *plant.q.tolist(), d1, d2, *plant.qd.tolist(), rate1, rate2)
+        self._time.send(stamp)
+
+    def _held(self) -> bool:
+        """Whether the next tick must wait: for the launcher, the recorder, the wall clock."""
+        if self._holds and self.tick >= self._holds[0]:
+            return self._held_by_launcher()
+        if self.config.run.record and self.tick - self._acknowledged >= RECORDER_WINDOW:
+            taken = self._recorded.handle.take_message(UInt64, False)
+            if taken is not None and self.membership.sent_by("recorder", taken[1]):
+                self._acknowledged = taken[0].data
+            if self.tick - self._acknowledged >= RECORDER_WINDOW:
+                return True
+        return not self.control.may_begin(self.tick)
+
+    def _held_by_launcher(self) -> bool:
+        """Report once that the tick is reached, then wait for the launcher's SIGUSR1."""
+        if not self._reported_hold:
+            self._reported_hold = True
+            self.released = False
+            self.supervisor.report(self.ROLE, phase="held", tick=self.tick)
+        self._moved = time.monotonic()
+        if not self.released:
+            return True
+        self._reported_hold = False
+        self._holds.pop(0)
+        return bool(self._holds) and self.tick >= self._holds[0]
+
+    def _tell(self, phase: Phase) -> None:
+        """Tell the peers whether the run goes on, and how long a tick may take by intent."""
+        extra = self.epochs.extra(pace_s=repr(self.control.pace_s()))
+        self.change_phase(phase, extra=extra)
+
+    def look_around(self, now: float) -> None:
+        """Do what the services have asked for since the last look."""
+        phase = self.board.mine.phase
+        if not self.finished and phase in (Phase.RUNNING, Phase.PAUSED):
+            if self.control.reset_wanted:
+                self.control.reset_wanted = False
+                self.epochs.begin(self.epochs.number + 1)
+            elif self.control.paused != (phase is Phase.PAUSED):
+                self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
+        super().look_around(now)
+
+    def nap(self, now: float) -> float:
+        """Sleep no longer than to the next tick's wall time."""
+        if self._holds and self.tick >= self._holds[0]:
+            return 0.002
+        longest = super().nap(now)
+        if self._sent or self.board.mine.phase not in (Phase.RUNNING, Phase.PAUSED):
+            return longest
+        return self.control.nap_s(self.tick, now, longest)
+
+    def blocked_on(self) -> list[Any]:
+        """Wait for the torque, or for the recorder's progress."""
+        if self.board.mine.phase in (Phase.RUNNING, Phase.PAUSED) and not self._sent:
+            return [self.board.handle, self._recorded.handle]
+        return super().blocked_on()
+
+    def waiting_for(self) -> tuple[str, str]:
+        """Blame the recorder where it holds the run up, else the controller."""
+        if not self._sent:
+            return "recorder", "nothing recorded"
+        return "controller", "no torque on joint_command"
+
+    def patience_s(self) -> float:
+        """Let the controller name a silent sensor first."""
+        return 0.25
+
+    def _end_unstable(self, trouble: str) -> None:
+        """End the run at this tick; the peers finish it, and it stays on record."""
+        self.get_logger().error(f"unstable at tick {self.tick + 1}: {trouble}")
+        self.supervisor.report(self.ROLE, phase="unstable", tick=self.tick + 1, text=trouble)
+        self.failed_run = True
+        self.end_at(self.tick, f"unstable: {trouble}", unstable=trouble)
+
+    def end_at(self, tick: int, why: str, **extra: str) -> None:
+        """End the run with ``tick`` as its last, and leave."""
+        self.last_tick = tick
+        self.finished = True
+        self.change_phase(Phase.DONE, text=why, last_tick=tick, extra=self.epochs.extra(**extra))
+        self.flush()
+        self.board.flush(1.0)
+
+    def interrupt(self) -> None:
+        """End the run in good order: the tick that is out is the last."""
+        if self.supervisor.gone or self.board.mine.phase is not Phase.RUNNING:
+            super().interrupt()
+        elif self._sent and self.interrupted < 2:
+            if not self._command.fetch(self.tick):
+                return  # its torque is on its way; the tick limit holds here too
+            self.end_at(self.tick, "interrupted")
+        else:
+            self.end_at(self.tick - 1, "interrupted")

@@ -1,0 +1,117 @@
+"""A process with one node, or with all of them: start, spin, signals, exit status."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import threading
+from contextlib import suppress
+from importlib import import_module
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import ROSInterruptException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from flexarm_ros.nodes.lockstep import spin
+from flexarm_ros.nodes.participant import Participant, describe
+from flexarm_ros.nodes.supervisor import Supervisor
+from flexarm_ros.scenario import ScenarioError
+
+CLASSES = {
+    "plant": "PlantNode",
+    "encoder": "EncoderNode",
+    "tip_sensor": "TipSensorNode",
+    "trajectory": "TrajectoryNode",
+    "controller": "ControllerNode",
+    "recorder": "RecorderNode",
+}
+COMPOSE = "compose"
+
+
+def run_process(name: str, argv: list[str]) -> int:
+    """Run node ``name`` with a ROS command line; see `flexarm_ros.nodes.main`."""
+    if name == "player":
+        from flexarm_ros.nodes.player import play
+
+        return play(argv)
+    if name not in CLASSES and name != COMPOSE:
+        print(f"no node {name}: {', '.join([*CLASSES, 'player'])}", file=sys.stderr)
+        return 2
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    try:
+        rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rcl reports a bad command line or parameter file so
+        print(f"{name}: {_first_line(error)}", file=sys.stderr)
+        return 2
+    try:
+        return _run(list(CLASSES) if name == COMPOSE else [name], argv)
+    except ScenarioError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2
+    finally:
+        rclpy.try_shutdown()
+
+
+def _run(names: list[str], argv: list[str]) -> int:
+    supervisor = Supervisor()
+    nodes = [_make(name, argv, supervisor) for name in names]
+    signals = _Signals(nodes)
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    services = threading.Thread(target=_serve, args=(executor, nodes), daemon=True)
+    services.start()
+    gc.collect()
+    gc.freeze()  # what start-up made stays: no collection walks it during the run
+    try:
+        spin(nodes)
+    finally:
+        executor.shutdown(timeout_sec=1.0)
+        services.join(timeout=1.0)
+        for node in nodes:
+            node.destroy_node()
+    return signals.status or (1 if any(n.failure or n.failed_run for n in nodes) else 0)
+
+
+def _make(name: str, argv: list[str], supervisor: Supervisor) -> Participant:
+    module = import_module(f"flexarm_ros.nodes.{name}")
+    node: Participant = getattr(module, CLASSES[name])(argv, supervisor)
+    return node
+
+
+def _serve(executor: SingleThreadedExecutor, nodes: list[Participant]) -> None:
+    """Serve parameters and other services; the lock-step loop has its own thread."""
+    try:
+        with suppress(ExternalShutdownException, ROSInterruptException):
+            executor.spin()
+    except Exception as error:
+        for node in nodes:
+            node.crashed = describe(error)
+
+
+class _Signals:
+    """SIGINT and SIGTERM ask the nodes to leave in order; ``status`` is 128 + the signal."""
+
+    def __init__(self, nodes: list[Participant]) -> None:
+        self._nodes = nodes
+        self.status = 0
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._caught)
+        signal.signal(signal.SIGUSR1, self._released)
+
+    def _released(self, _number: int, _frame: Any) -> None:
+        for node in self._nodes:
+            node.released = True
+
+    def _caught(self, number: int, _frame: Any) -> None:
+        self.status = 128 + number
+        for node in self._nodes:
+            node.interrupted += 1
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

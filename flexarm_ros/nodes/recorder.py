@@ -1,0 +1,121 @@
+"""Node ``recorder``: every message of the run, in order of ticks, to a bag."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any, ClassVar
+
+from std_msgs.msg import UInt64
+
+from flexarm_ros.bag.errors import BagError
+from flexarm_ros.bag.recording import Recording, finish_run, free_directory, prepare_directory
+from flexarm_ros.nodes.endpoints import NO_OVERRIDES
+from flexarm_ros.nodes.graph import RECORDED_TOPIC
+from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.participant import Participant
+
+_LOOK_S = 0.02
+"""Wall time between two batches: the queues hold many ticks, waking at each would cost most."""
+
+
+class RecorderNode(Participant):
+    """Takes the serialized bytes of all per-tick topics in batches and writes them."""
+
+    ROLE: ClassVar[str] = "recorder"
+    OWN_PARAMETERS: ClassVar[dict[str, tuple[Any, str]]] = {
+        "output": ("", "directory of the run; empty: a new one below runs/"),
+        "name": ("", "name of the scenario, for the record"),
+    }
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._progress = self.create_publisher(
+            UInt64, RECORDED_TOPIC, 1, qos_overriding_options=NO_OVERRIDES
+        )
+        self._name = str(self.get_parameter("name").value or "")
+        self._recording: Recording | None = None
+        self._first_wall: float | None = None
+
+    def build(self) -> None:
+        """Create the run's directory; nothing is ever overwritten."""
+        self._first_wall, self._wall = None, 0.0
+        try:
+            if self._recording is not None:
+                self._recording.set_aside(self.epochs.number)
+            directory = self._recording.directory if self._recording else self._directory()
+            if self._recording is None and not self.supervisor.present:
+                prepare_directory(directory, self.config, self._name)
+            self._recording = Recording(
+                self.config, directory, self._name, sorted(self.membership.foreign)
+            )
+        except (OSError, BagError) as error:
+            raise RunFailed("recorder", f"start: {error}") from None
+        self._entries = list(enumerate(self.inputs.values()))
+        self.supervisor.report(self.ROLE, directory=str(self._recording.directory))
+
+    def _directory(self) -> Path:
+        """Return the run's directory: the parameter ``output``, else a new one."""
+        wanted = str(self.get_parameter("output").value or "")
+        return Path(wanted) if wanted else free_directory(self._name or "run")
+
+    def advance(self) -> bool:
+        """Write whatever has arrived."""
+        recording = self._recording
+        assert recording is not None
+        state = self.inputs["plant/state"]
+        last = self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
+        try:
+            for index, entry in self._entries:
+                tick = entry.tick + 1
+                # References come ahead of time: none is kept that the run may not reach.
+                until = min(last, state.tick) if entry.source == "trajectory" else last
+                while tick <= until and entry.fetch(tick):
+                    recording.write(index, tick, entry.data)
+                    tick += 1
+        except BagError as error:
+            recording.abandon()
+            self._recording = None
+            raise RunFailed("recorder", f"tick {self.tick}: {error}") from None
+        complete = min(entry.tick for _, entry in self._entries) + 1
+        if complete == self.tick:
+            return False
+        now = time.monotonic()
+        if self._first_wall is None:
+            self._first_wall = now
+        self._wall = now - self._first_wall
+        self.tick = complete
+        self.supervisor.report(self.ROLE, tick=complete)
+        self._progress.publish(UInt64(data=complete))
+        self.check_end()
+        return not self.finished
+
+    def close(self) -> None:
+        """Finish the bag and the files beside it."""
+        if self._recording is None:
+            return
+        self._recording.close()
+        if not self.supervisor.present:  # by hand: nobody else finishes the directory
+            self._finish_directory()
+
+    def _finish_directory(self) -> None:
+        assert self._recording is not None
+        plant = self.membership.status_of("plant")
+        unstable = plant.extra.get("unstable", "") if plant is not None else ""
+        finish_run(
+            self._recording.directory,
+            self.config,
+            self._name,
+            wall_s=self._wall or None,
+            problem=self.failure.reason if self.failure else "",
+            unstable=(self.tick, unstable) if unstable else None,
+        )
+        self.get_logger().info(f"recorded {self.tick} ticks in {self._recording.directory}")
+
+    def nap(self, now: float) -> float:
+        """Sleep between batches."""
+        return _LOOK_S
+
+    def blocked_on(self) -> list[Any]:
+        """Sleep: messages are taken in batches."""
+        return [self.board.handle]

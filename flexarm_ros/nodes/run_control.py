@@ -1,0 +1,149 @@
+"""Run control as simulators have it: pause, step, reset, speed, state.
+
+The services are in the plant, which alone decides when a tick begins:
+``~/pause`` (std_srvs/SetBool), ``~/step``, ``~/reset`` and ``~/state``
+(std_srvs/Trigger).  How many ticks a step has, and the speed, are the plant's
+parameters ``step_ticks`` and ``real_time_factor``.  Where the package
+simulation_interfaces is installed, its standard services are offered too: see
+`flexarm_ros.nodes.simulation_services`.
+
+Services run on the thread that serves parameters; the lock-step loop reads
+what they set between two ticks, under a lock.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+
+from flexarm_ros.nodes.simulation_services import offer_standard_services
+
+if TYPE_CHECKING:
+    from flexarm_ros.nodes.plant import PlantNode
+
+_FASTEST = 1e6
+
+
+class RunControl:
+    """What the services ask of the plant; `may_begin` is asked before each tick."""
+
+    def __init__(self, plant: PlantNode) -> None:
+        self._plant = plant
+        self._lock = threading.Lock()
+        self.paused = False
+        self._steps = 0
+        self.reset_wanted = False
+        self.rtf = float(plant.get_parameter("real_time_factor").value or 0.0)
+        self._anchor = (0.0, 0)
+        plant.create_service(SetBool, "~/pause", self._pause)
+        plant.create_service(Trigger, "~/step", self._step)
+        plant.create_service(Trigger, "~/reset", self._reset)
+        plant.create_service(Trigger, "~/state", self._state)
+        plant.add_on_set_parameters_callback(self._changed)
+        self.standard = offer_standard_services(plant, self)
+
+    # --- asked by the lock-step loop ---------------------------------------------------
+
+    def begin(self, tick: int) -> None:
+        """Count the wall clock's time from ``tick`` on."""
+        self._anchor = (time.monotonic(), tick)
+
+    def may_begin(self, tick: int) -> bool:
+        """Whether ``tick`` may go out now: not paused, and due by the speed asked for."""
+        if self.paused:
+            with self._lock:
+                if not self._steps:
+                    return False
+                self._steps -= 1
+            self.begin(tick)
+            return True
+        return self.rtf <= 0.0 or time.monotonic() >= self.due(tick)
+
+    def due(self, tick: int) -> float:
+        """Return the wall time of ``tick`` at the speed asked for."""
+        start, first = self._anchor
+        return start + (tick - first) * self.period_s() / self.rtf
+
+    def period_s(self) -> float:
+        """Return the tick in seconds."""
+        return self._plant.timeline.period_ns * 1e-9
+
+    def pace_s(self) -> float:
+        """Return the wall time of a tick at the speed asked for, 0 where none is."""
+        return self.period_s() / self.rtf if self.rtf > 0.0 else 0.0
+
+    def nap_s(self, tick: int, now: float, longest: float) -> float:
+        """Return how long the plant may sleep before it asks again."""
+        if self.paused or self.rtf <= 0.0:
+            return min(longest, 0.01) if self.paused else longest
+        return max(0.0, min(longest, self.due(tick) - now))
+
+    # --- asked by services ---------------------------------------------------------------
+
+    def pause(self, wanted: bool) -> None:
+        """Hold the run before its next tick, or let it go on."""
+        with self._lock:
+            self.paused = wanted
+            self._steps = 0
+            self.begin(self._plant.tick)
+
+    def step(self, ticks: int) -> bool:
+        """Let a paused run do so many ticks; False where it is not paused."""
+        with self._lock:
+            if not self.paused:
+                return False
+            self._steps += ticks
+        return True
+
+    @property
+    def stepping(self) -> bool:
+        """Whether ticks that were asked for are still to come."""
+        return self._steps > 0
+
+    def _pause(self, request: Any, response: Any) -> Any:
+        self.pause(bool(request.data))
+        response.success, response.message = True, "paused" if request.data else "running"
+        return response
+
+    def _step(self, _: Any, response: Any) -> Any:
+        ticks = int(self._plant.get_parameter("step_ticks").value or 1)
+        response.success = self.step(ticks)
+        response.message = f"{ticks} ticks" if response.success else "not paused: pause first"
+        return response
+
+    def _reset(self, _: Any, response: Any) -> Any:
+        self.reset_wanted = True
+        response.success, response.message = True, "starting again at tick 0"
+        return response
+
+    def _state(self, _: Any, response: Any) -> Any:
+        response.success, response.message = True, self.describe()
+        return response
+
+    def describe(self) -> str:
+        """Return the state in a line."""
+        plant = self._plant
+        word = "paused" if self.paused else plant.board.mine.phase.value
+        speed = f"{self.rtf:g} times real time" if self.rtf > 0.0 else "as fast as it goes"
+        return f"{word} at tick {plant.tick}, {speed}"
+
+    def _changed(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            if parameter.name == "real_time_factor":
+                value = float(parameter.value)
+                if not 0.0 <= value <= _FASTEST:
+                    return SetParametersResult(
+                        successful=False, reason=f"real_time_factor: {value:g}: allowed: 0 or more"
+                    )
+                self.rtf = value
+                self.begin(self._plant.tick)
+            if parameter.name == "step_ticks" and int(parameter.value) < 1:
+                return SetParametersResult(
+                    successful=False, reason=f"step_ticks: {parameter.value}: allowed: 1 or more"
+                )
+        return SetParametersResult(successful=True)

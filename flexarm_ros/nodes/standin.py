@@ -1,0 +1,100 @@
+"""A recorded run in the place of the plant and the sensors, for a controller under test."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.nodes.agreement import dump_sections
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.graph import ROLES, message_class, qos_profile
+from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.status import Board, Phase
+
+if TYPE_CHECKING:
+    from flexarm_ros.nodes.player import PlayerNode
+
+_FOREIGN_GRACE_S = 1.0
+
+
+class ControllerSeat:
+    """The seat that the player leaves empty: waits for the controller and for its torques.
+
+    The player stands in for every other role of the run, so that a controller
+    node of this package joins as in a live run; any other node that publishes
+    ``joint_command`` will do as well.
+    """
+
+    def __init__(self, player: PlayerNode, config: RunConfig) -> None:
+        self._player = player
+        self._topic = per_tick_topics(config)[-1]
+        self._kind = message_class(self._topic.type_name)
+        self._subscription = player.create_subscription(
+            self._kind, self._topic.name, lambda _: None, qos_profile(self._topic.qos),
+            callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self._waiter = Waiter(player.context)
+        self._boards = {role: Board(player, role) for role in ROLES if role not in ("controller",)}
+        for role, board in self._boards.items():
+            board.publish(parameters=dump_sections(config, role), phase=Phase.READY)
+        self._limit = float(player.get_parameter("tick_timeout").value or 5.0)
+        self._largest = 0.0
+        self._equal = self._answered = 0
+
+    def wait_for_controller(self) -> None:
+        """Wait until a controller is connected; RunFailed after a minute."""
+        deadline = time.monotonic() + 60.0
+        board, seen = self._boards["plant"], 0.0
+        while time.monotonic() < deadline and self._player.context.ok():
+            board.update()
+            held = [s for s in board.of("controller") if not s.phase.over]
+            if any(s.phase in (Phase.READY, Phase.RUNNING) for s in held):
+                break
+            publishers = self._subscription.handle.get_publisher_count()
+            seen = (seen or time.monotonic()) if publishers and not held else 0.0
+            if seen and time.monotonic() - seen > _FOREIGN_GRACE_S:
+                break
+            time.sleep(0.02)
+        else:
+            raise RunFailed("controller", "no controller joined within 60 s")
+        board.publish(phase=Phase.RUNNING)
+
+    def answer(self, tick: int, recorded: bytes | None) -> None:
+        """Wait for the torque of ``tick`` and compare it with the recorded one."""
+        stamp = self._player.timeline.stamp_ns(tick)
+        deadline = time.monotonic() + self._limit
+        while (left := deadline - time.monotonic()) > 0.0:
+            taken = self._subscription.handle.take_message(self._kind, True)
+            if taken is None:
+                self._waiter.wait([self._subscription.handle], int(min(left, 0.1) * 1e9))
+                continue
+            came, torque = self._topic.codec.decode_any(taken[0])
+            if came == stamp:
+                self._compare(torque, recorded)
+                return
+        raise RunFailed("controller", f"tick {tick}: no torque within {self._limit:g} s")
+
+    def _compare(self, torque: tuple[float, ...], recorded: bytes | None) -> None:
+        self._answered += 1
+        if recorded is None:
+            return
+        _, before = self._topic.codec.decode_any(recorded)
+        self._equal += torque == before
+        self._largest = max(
+            self._largest, *(abs(a - b) for a, b in zip(torque, before, strict=True))
+        )
+
+    def comparison(self) -> str:
+        """Return one line on how the torques compare with the recorded ones."""
+        return (
+            f"{self._answered} torques, {self._equal} equal to the recorded ones, "
+            f"largest difference {self._largest:.6g} N m"
+        )
+
+    def leave(self, ticks: int) -> None:
+        """Tell the controller that the run is over."""
+        for board in self._boards.values():
+            board.publish(phase=Phase.DONE, last_tick=ticks - 1)
+            board.flush(1.0)

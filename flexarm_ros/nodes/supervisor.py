@@ -1,0 +1,71 @@
+"""The line to the launcher: reports go up a pipe, its end means that it is gone.
+
+A node that `flexarm run` starts inherits two pipe ends, named in the
+environment: it writes one JSON object a line to the first, and the second is
+never written to: it reads as finished when the launcher, however it ended, is
+no more.  A node started by hand has neither and reports to nobody.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import time
+from typing import Any
+
+REPORT_FD = "FLEXARM_REPORT_FD"
+ALIVE_FD = "FLEXARM_ALIVE_FD"
+INTERRUPTED = "interrupted"
+_PATIENCE_S = 1.0
+
+
+class Supervisor:
+    """A node's end of the pipes to the launcher."""
+
+    def __init__(self) -> None:
+        self._report = _descriptor(REPORT_FD)
+        self._alive = _descriptor(ALIVE_FD)
+
+    @property
+    def present(self) -> bool:
+        """Whether a launcher started this process."""
+        return self._alive is not None
+
+    @property
+    def gone(self) -> bool:
+        """Whether there was a launcher and it has ended."""
+        if self._alive is None:
+            return False
+        readable, _, _ = select.select([self._alive], [], [], 0)
+        return bool(readable)
+
+    def report(self, role: str, **facts: Any) -> None:
+        """Send one line; a launcher that has gone is noticed elsewhere.
+
+        The pipe is full where the launcher is stopped (Ctrl-Z): a line of mere
+        progress is then dropped, another waits for a second.
+        """
+        line = json.dumps({"role": role, "at": time.monotonic(), **facts}) + "\n"
+        deadline = time.monotonic() + (_PATIENCE_S if "phase" in facts else 0.0)
+        while self._report is not None:
+            try:
+                os.write(self._report, line.encode())
+                return
+            except BlockingIOError:
+                if time.monotonic() >= deadline:
+                    return
+                select.select([], [self._report], [], 0.1)
+            except OSError:
+                self._report = None
+
+
+def _descriptor(name: str) -> int | None:
+    text = os.environ.get(name, "")
+    if not text.isdigit():
+        return None
+    try:
+        os.fstat(int(text))
+    except OSError:
+        return None
+    return int(text)

@@ -1,0 +1,69 @@
+"""Node ``trajectory``: the commanded position and velocity of the end effector."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+from std_msgs.msg import UInt64
+
+from flexarm_ros.core.trajectory import Reference
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.graph import TICK_TOPIC
+from flexarm_ros.nodes.participant import Participant
+
+AHEAD = 128
+"""Ticks that the reference is published before its time.
+
+It depends on time alone, so it need not be on the critical path of a tick:
+this node wakes once in `graph.TICK_EVERY` ticks instead of at each.
+"""
+
+
+class TrajectoryNode(Participant):
+    """Publishes the reference of each tick, somewhat ahead of the plant."""
+
+    ROLE: ClassVar[str] = "trajectory"
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._reached = self.create_subscription(
+            UInt64, TICK_TOPIC, lambda _: None, 1, callback_group=HOT,
+            qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self._plant_tick = 0
+
+    def build(self) -> None:
+        """Make the reference."""
+        self._reference = Reference(self.config)
+        self._output = self.outputs["reference"]
+
+    def rehearse(self) -> None:
+        """Compile before the run."""
+        self._reference.command(0)
+
+    def advance(self) -> bool:
+        """Publish references up to `AHEAD` ticks beyond the plant's."""
+        taken = self._reached.handle.take_message(UInt64, False)
+        if taken is not None and self.membership.sent_by("plant", taken[1]):
+            self._plant_tick = max(self._plant_tick, taken[0].data)
+        until = min(self._plant_tick + AHEAD, self.timeline.ticks)
+        if self.tick >= until:
+            return taken is not None
+        for tick in range(self.tick, until):
+            self._output.send(self.timeline.stamp_ns(tick), *self._reference.command(tick))
+        self.tick = until
+        return True
+
+    def check_end(self) -> None:
+        """Leave when the plant has: the last references are out long before the end."""
+        if self.last_tick is not None:
+            self.finish()
+
+    def blocked_on(self) -> list[Any]:
+        """Sleep until the plant has come some way, or the peers have something to say."""
+        return [self._reached.handle, self.board.handle]
+
+    def patience_s(self) -> float:
+        """Blame nobody: nothing that this node waits for is due at a tick."""
+        return math.inf
