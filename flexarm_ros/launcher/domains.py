@@ -1,0 +1,73 @@
+"""A ROS_DOMAIN_ID that no other run on this machine uses."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+FIRST, LAST = 1, 101
+"""Domains whose ports lie below Linux's ephemeral range; 0 is everybody's default."""
+
+_PORT_BASE, _DOMAIN_GAIN, _UNICAST_OFFSET = 7400, 250, 10
+"""UDP ports of a domain: DDSI-RTPS 2.5, section 9.6.2."""
+
+
+class NoDomainError(RuntimeError):
+    """Every domain is taken."""
+
+
+@contextmanager
+def reserved_domain(wanted: int | None = None) -> Iterator[int]:
+    """Yield a domain: ``wanted`` if given, else a free one that is locked for the while.
+
+    A lock file for each domain keeps two runs of this package apart; a look at
+    the domain's discovery ports keeps clear of other ROS programs.  Raises
+    NoDomainError where all are taken.
+    """
+    if wanted is not None:
+        yield wanted
+        return
+    folder = Path(tempfile.gettempdir()) / f"flexarm_ros-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    start = os.getpid() % LAST
+    for step in range(LAST - FIRST + 1):
+        domain = FIRST + (start + step) % (LAST - FIRST + 1)
+        lock = os.open(folder / f"domain-{domain}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(lock)
+            continue
+        try:
+            if _idle(domain):
+                yield domain
+                return
+        finally:
+            os.close(lock)
+    raise NoDomainError(f"no free ROS_DOMAIN_ID between {FIRST} and {LAST}; give one by --domain")
+
+
+def _idle(domain: int) -> bool:
+    """Whether nobody on this machine listens on the domain's first discovery ports."""
+    base = _PORT_BASE + _DOMAIN_GAIN * domain
+    return all(_free(port) for port in (base, base + _UNICAST_OFFSET, base + _UNICAST_OFFSET + 2))
+
+
+def _free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", port))
+        except OSError:
+            return False
+    return True
+
+
+def environment_domain() -> int | None:
+    """Return the user's own ROS_DOMAIN_ID, None where it is not set."""
+    text = os.environ.get("ROS_DOMAIN_ID", "")
+    return int(text) if text.isdigit() else None

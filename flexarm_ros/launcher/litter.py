@@ -1,0 +1,86 @@
+"""Shared memory that killed nodes leave behind, and its removal.
+
+Fast DDS keeps a segment and a port for each participant in ``/dev/shm`` and
+holds a lock on a file beside each (``fastdds_HEX_el``, ``fastdds_portN_el``)
+while the participant lives.  Who is killed by SIGKILL removes nothing; a
+segment is half a megabyte and is never used again.  The launcher notes which
+locks its own nodes hold and, when they have ended, removes those of these
+files that nobody holds any more.  Others' files are never touched.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+FOLDER = Path("/dev/shm")
+LOCKS = Path("/proc/locks")
+_PREFIX, _LOCK = "fastdds_", "_el"
+
+
+class Litter:
+    """The shared memory of one run's nodes."""
+
+    def __init__(self) -> None:
+        self.names: set[str] = set()
+
+    def note(self, pids: Iterable[int]) -> None:
+        """Remember what the living processes ``pids`` hold; nothing where it cannot be known."""
+        ours = set(pids)
+        try:
+            held = _inodes_locked_by(ours)
+            with os.scandir(FOLDER) as entries:
+                self.names |= {
+                    entry.name.removesuffix(_LOCK)
+                    for entry in entries
+                    if entry.name.startswith(_PREFIX)
+                    and entry.name.endswith(_LOCK)
+                    and entry.inode() in held
+                }
+        except OSError:
+            return
+
+    def remove(self) -> list[str]:
+        """Remove what is left of processes that have ended; return the names of the files."""
+        gone = []
+        for name in sorted(self.names):
+            if _in_use(FOLDER / (name + _LOCK)):
+                continue
+            for file in (name, name + _LOCK, f"sem.{name}_mutex"):
+                with contextlib.suppress(OSError):
+                    os.unlink(FOLDER / file)
+                    gone.append(file)
+        self.names.clear()
+        return gone
+
+
+def _inodes_locked_by(pids: set[int]) -> set[int]:
+    """Return the inodes of the files that ``pids`` hold a ``flock`` on."""
+    found = set()
+    for line in LOCKS.read_text(encoding="ascii", errors="replace").splitlines():
+        words = line.split()
+        if len(words) >= 6 and words[1] == "FLOCK" and words[4].isdigit():
+            inode = words[5].rpartition(":")[2]
+            if int(words[4]) in pids and inode.isdigit():
+                found.add(int(inode))
+    return found
+
+
+def _in_use(lock: Path) -> bool:
+    """Whether a living process holds ``lock``; a lock that cannot be tried counts as held."""
+    try:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False

@@ -1,0 +1,233 @@
+"""The node processes of one run: start, watch, end, and who was to blame."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.launcher.litter import Litter
+from flexarm_ros.nodes.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
+
+END_GRACE_S = 3.0
+"""Wall time that the nodes have to leave by themselves once a run is broken off."""
+
+_NOTE_EVERY_S = 0.5
+
+
+@dataclass
+class Report:
+    """What the nodes have told so far."""
+
+    tick: int = 0
+    directory: str = ""
+    started_at: float | None = None
+    ended_at: float | None = None
+    held_at: int | None = None
+    unstable: str = ""
+    unstable_tick: int = -1
+    failures: list[dict[str, Any]] = field(default_factory=list)
+    done: set[str] = field(default_factory=set)
+
+    def take(self, line: dict[str, Any]) -> None:
+        """Add one line of a node."""
+        phase, role = line.get("phase"), line.get("role", "")
+        if role == "recorder" and "tick" in line:
+            self.tick, self.ended_at = int(line["tick"]), float(line["at"])
+        if role == "plant" and phase == "running":
+            self.started_at = float(line["at"])
+        if phase == "held":
+            self.held_at = int(line["tick"])
+        if phase == "unstable":
+            self.unstable, self.unstable_tick = line["text"], int(line["tick"])
+        if phase == "failed":
+            self.failures.append(line)
+        if phase == "done":
+            self.done.add(role)
+
+
+class NodeProcesses:
+    """The processes of a run; a context manager that leaves none behind."""
+
+    def __init__(self, commands: dict[str, list[str]], env: dict[str, str], logs: Path) -> None:
+        self.report = Report()
+        self._logs = logs
+        self._litter = Litter()
+        self._noted_at = 0.0
+        self._buffer = b""
+        self._read, write = os.pipe()
+        alive_read, self._alive = os.pipe()
+        os.set_blocking(self._read, False)
+        os.set_blocking(write, False)  # a launcher that is stopped must not stop the nodes
+        environment = {**env, REPORT_FD: str(write), ALIVE_FD: str(alive_read)}
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self.exits: dict[str, int] = {}
+        self.deaths: list[tuple[str, int]] = []
+        self._ending = False
+        self._heard = 0
+        """Verdicts before the run was broken off; who is told to leave may complain too."""
+        logs.mkdir(parents=True, exist_ok=True)
+        try:
+            for name, command in commands.items():
+                with open(logs / f"{name}.log", "wb") as log:
+                    # In a directory of our own: Python imports from the one it is started in,
+                    # and Fast DDS reads its settings there; the user's may be a stranger's.
+                    self.running[name] = subprocess.Popen(
+                        command, env=environment, cwd=logs, stdin=subprocess.DEVNULL, stdout=log,
+                        stderr=subprocess.STDOUT, pass_fds=(write, alive_read),
+                        start_new_session=True,
+                    )  # fmt: skip
+        except BaseException:
+            self.kill()
+            raise
+        finally:
+            os.close(write)
+            os.close(alive_read)
+
+    def __enter__(self) -> NodeProcesses:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+        for descriptor in (self._read, self._alive):
+            os.close(descriptor)
+
+    def poll(self, timeout_s: float) -> None:
+        """Take reports for up to ``timeout_s`` and notice who has ended."""
+        readable, _, _ = select.select([self._read], [], [], timeout_s)
+        if readable:
+            self._take_reports()
+        if time.monotonic() - self._noted_at > _NOTE_EVERY_S:
+            self._note_memory()
+        for name, process in list(self.running.items()):
+            status = process.poll()
+            if status is None:
+                continue
+            del self.running[name]
+            self._take_reports()
+            self.exits[name] = status
+            told = {line["role"] for line in self.report.failures} | self.report.done
+            expected = bool(told) if name == "compose" else self._ending or name in told
+            if not expected:
+                self.deaths.append((name, status))
+
+    def _take_reports(self) -> None:
+        while True:
+            try:
+                data = os.read(self._read, 65536)
+            except BlockingIOError:
+                break
+            if not data:
+                time.sleep(0.01)  # every writer has gone: select would return at once
+                break
+            self._buffer += data
+        *lines, self._buffer = self._buffer.split(b"\n")
+        for line in lines:
+            with contextlib.suppress(ValueError, KeyError, TypeError):
+                self.report.take(json.loads(line))
+
+    def _note_memory(self) -> None:
+        """Note the shared memory of the nodes while they live; it is all made by their start."""
+        self._litter.note(process.pid for process in self.running.values())
+        self._noted_at = time.monotonic() if self.report.started_at is None else math.inf
+
+    def release(self) -> None:
+        """Let a plant that waits at a held tick go on."""
+        self.report.held_at = None
+        if "plant" in self.running:
+            self.running["plant"].send_signal(signal.SIGUSR1)
+
+    def interrupt_run(self, times: int = 1) -> None:
+        """Ask the plant to end the run in good order; without a run or a plant, everybody."""
+        self._ending = True
+        self._heard = self._heard or len(self.report.failures)
+        for name in ("plant", "compose"):
+            if name in self.running and self.report.started_at is not None:
+                for _ in range(times):
+                    self.running[name].send_signal(signal.SIGINT)
+                    time.sleep(0.02)  # equal pending signals merge into one
+                return
+        for process in self.running.values():
+            process.send_signal(signal.SIGTERM)
+
+    def end(self, grace_s: float = END_GRACE_S) -> None:
+        """Wait for the nodes to leave; those that do not are told to, then killed.
+
+        One that was stopped is woken: it then leaves, and removes its shared memory.
+        """
+        self._ending = True
+        for process in self.running.values():
+            process.send_signal(signal.SIGCONT)
+        for number, patience in ((None, grace_s), (signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0)):
+            if number is not None:
+                for process in self.running.values():
+                    process.send_signal(number)
+            deadline = time.monotonic() + patience
+            while self.running and time.monotonic() < deadline:
+                self.poll(0.05)
+
+    def kill(self) -> None:
+        """End whatever still runs, at once, and remove the shared memory of those killed."""
+        for process in self.running.values():
+            process.kill()
+        for name, process in list(self.running.items()):
+            self.exits[name] = process.wait()
+        self.running.clear()
+        self._litter.remove()
+
+    def blame(self, interrupted: bool = False) -> str:
+        """Return one line naming who ended the run, the tick and why; empty if nobody.
+
+        Where the user ``interrupted`` it, the nodes say so too: that is no fault of theirs.
+        """
+        if self.deaths:
+            return self._obituary(*self.deaths[0])
+        heard = self.report.failures[: self._heard or None]
+        if interrupted:
+            heard = [line for line in heard if not line["text"].startswith(INTERRUPTED)]
+        verdicts = [line for line in heard if line.get("blame")]
+        if verdicts:
+            first = min(verdicts, key=_nearness)
+            return f"{first['blame']}: {first['text']}"
+        if heard:
+            return f"{heard[0]['role']}: {heard[0]['text']}"
+        return INTERRUPTED if interrupted else ""
+
+    def _obituary(self, name: str, status: int) -> str:
+        """Say when and how a node ended that should not have."""
+        begun = self.report.started_at is not None
+        when = f"tick {self.report.tick}: ended" if begun else "start: ended"
+        if status < 0:
+            return f"{name}: {when}, killed by {signal.Signals(-status).name}"
+        return f"{name}: {when} with exit status {status}{self._last_words(name)}"
+
+    def _last_words(self, name: str) -> str:
+        """Return the last line of a node's log, where there is one."""
+        try:
+            with open(self._logs / f"{name}.log", "rb") as log:
+                log.seek(max(0, os.fstat(log.fileno()).st_size - 2000))
+                lines = log.read().decode(errors="replace").split("\n")
+        except OSError:
+            return ""
+        said = [line.strip() for line in lines if line.strip()]
+        return f": {said[-1][:300]}" if said else ""
+
+
+def _nearness(line: dict[str, Any]) -> int:
+    """Order verdicts: the controller knows its sensors, the plant the controller."""
+    order = ("controller", "plant", "recorder", "trajectory", "encoder", "tip_sensor")
+    return order.index(line["role"]) if line["role"] in order else len(order)
+
+
+def node_command(role: str, arguments: list[str]) -> list[str]:
+    """Return the command line of a node process."""
+    return [sys.executable, "-m", "flexarm_ros.nodes", role, "--ros-args", *arguments]

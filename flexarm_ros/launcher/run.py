@@ -1,0 +1,192 @@
+"""One run: reserve a domain, start the nodes, watch them, finish the files."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.recording import finish_run, prepare_directory
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.warmup import warm_up
+from flexarm_ros.launcher.domains import reserved_domain
+from flexarm_ros.launcher.faults import FaultPlan
+from flexarm_ros.launcher.processes import NodeProcesses, node_command
+
+ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+_LEAVING_S = 5.0
+"""Wall time without any progress in which a node must leave once the plant has."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How to run, apart from what to run.
+
+    ``rtf`` holds the run to a multiple of real time (0: as fast as it goes);
+    ``domain`` is None for a free one; ``without`` lists roles that somebody
+    else's nodes fill; ``discovery`` is ROS_AUTOMATIC_DISCOVERY_RANGE.
+    """
+
+    compose: bool = False
+    rtf: float = 0.0
+    domain: int | None = None
+    without: tuple[str, ...] = ()
+    discovery: str = "LOCALHOST"
+
+
+@dataclass
+class Outcome:
+    """How a run ended: ``problem`` is one line, empty where all went well."""
+
+    directory: Path
+    summary: dict[str, object] = field(default_factory=dict)
+    problem: str = ""
+    interrupted: bool = False
+
+    @property
+    def stable(self) -> bool:
+        """Whether the arm stayed within its bounds."""
+        return bool(self.summary.get("stable"))
+
+
+Watch = Callable[[int, int], None]
+"""Called with the ticks recorded so far and the ticks of the whole run."""
+
+
+def run_scenario(
+    config: RunConfig,
+    name: str,
+    directory: Path,
+    options: RunOptions,
+    announce: Callable[[str], None] = lambda _: None,
+    watch: Watch = lambda *_: None,
+    stop: Callable[[], bool] = lambda: False,
+    faults: FaultPlan | None = None,
+) -> Outcome:
+    """Fly ``config`` as ROS 2 nodes and return how it went.
+
+    ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
+    says True the run is ended in good order.  Raises NoDomainError, OSError or
+    BagError before anything is started.
+    """
+    with reserved_domain(options.domain) as domain:
+        prepare_directory(directory, config, name)
+        announce(f"ROS_DOMAIN_ID={domain}")
+        warm_up(config)
+        commands = _commands(config, name, directory, options, faults)
+        outcome = Outcome(directory)
+        with NodeProcesses(commands, _environment(domain, options), directory / "logs") as nodes:
+            outcome.interrupted = _supervise(nodes, config, watch, stop, faults)
+            outcome.problem = nodes.blame(outcome.interrupted)
+            report = nodes.report
+    started, ended = report.started_at, report.ended_at
+    wall_s = ended - started if started is not None and ended is not None else None
+    if report.unstable:
+        outcome.problem = f"unstable at tick {report.unstable_tick}: {report.unstable}"
+    outcome.summary = finish_run(
+        directory, config, name, wall_s=wall_s, problem=outcome.problem,
+        unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
+    )  # fmt: skip
+    return outcome
+
+
+def _commands(
+    config: RunConfig, name: str, directory: Path, options: RunOptions, faults: FaultPlan | None
+) -> dict[str, list[str]]:
+    """Write the normalised scenario and return the command line of each process."""
+    torques = directory / "torques.csv"
+    if config.torques:
+        torques.write_text(scenario.write_torques(config.torques), encoding="utf-8")
+    resolved = directory / "scenario.yaml"
+    resolved.write_text(
+        scenario.dump(config, str(torques.resolve()) if config.torques else None), encoding="utf-8"
+    )
+    arguments = ["--params-file", str(resolved.resolve())]
+    pace = [f"plant:real_time_factor:={float(options.rtf)!r}"] if options.rtf else []
+    if faults is not None and faults.ticks:
+        pace.append("plant:hold_at:='" + ",".join(map(str, faults.ticks)) + "'")
+    own = {
+        "plant": pace,
+        "recorder": [
+            f"recorder:output:={quoted(str(directory.resolve()))}",
+            f"recorder:name:={quoted(name)}",
+        ],
+    }
+    roles = [role for role in ROLES if role not in options.without]
+    if options.compose:
+        every = [value for role in roles for value in own.get(role, [])]
+        return {"compose": node_command("compose", arguments + _overrides(every))}
+    return {role: node_command(role, arguments + _overrides(own.get(role, []))) for role in roles}
+
+
+def quoted(text: str) -> str:
+    """Return ``text`` as YAML that is a string whatever is in it, for ``-p NAME:=VALUE``."""
+    return json.dumps(text)
+
+
+def _overrides(values: list[str]) -> list[str]:
+    return [word for value in values for word in ("-p", value)]
+
+
+def _environment(domain: int, options: RunOptions) -> dict[str, str]:
+    return {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": options.discovery,
+        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+    }
+
+
+def _supervise(
+    nodes: NodeProcesses,
+    config: RunConfig,
+    watch: Watch,
+    stop: Callable[[], bool],
+    faults: FaultPlan | None,
+) -> bool:
+    """Watch the nodes until all have left; True where ``stop`` ended the run."""
+    total = round(config.run.duration / config.run.control_period)
+    leaving = _Leaving(max(_LEAVING_S, config.run.tick_timeout))
+    while nodes.running:
+        nodes.poll(0.05)
+        if faults is not None:
+            faults(nodes)
+        watch(nodes.report.tick, total)
+        if stop():
+            nodes.interrupt_run()
+            nodes.end(config.run.tick_timeout)
+            return True
+        if nodes.deaths or nodes.report.failures:
+            nodes.poll(0.3)  # a verdict nearer to the cause may be on its way
+            nodes.interrupt_run(times=2)
+            nodes.end()
+            return False
+        if "plant" in nodes.report.done:
+            leaving.check(nodes)
+    watch(nodes.report.tick, total)
+    return False
+
+
+class _Leaving:
+    """The end of a run: nodes leave one by one, and the recorder writes what is left."""
+
+    def __init__(self, limit_s: float) -> None:
+        self._limit_s = limit_s
+        self._state: tuple[int, int] | None = None
+        self._since = 0.0
+
+    def check(self, nodes: NodeProcesses) -> None:
+        """Blame whoever is still there when nothing has happened for the limit."""
+        now = time.monotonic()
+        state = (len(nodes.running), nodes.report.tick)
+        if state != self._state:
+            self._state, self._since = state, now
+        elif now - self._since > self._limit_s:
+            late = ", ".join(nodes.running)
+            text = f"tick {nodes.report.tick}: did not leave within {self._limit_s:g} s of the end"
+            nodes.report.failures.append({"role": late, "blame": late, "text": text})

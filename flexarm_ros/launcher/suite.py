@@ -1,0 +1,157 @@
+"""Running a suite: every case in its own domain and processes, then the comparisons."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import re
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.bag.errors import BagError
+from flexarm_ros.bag.simulation import simulate
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.launcher.domains import NoDomainError
+from flexarm_ros.launcher.faults import FaultPlan
+from flexarm_ros.launcher.run import RunOptions, run_scenario
+from flexarm_ros.scenario.expect import Outcome
+from flexarm_ros.scenario.suite import Case, Suite
+
+CORES_PER_RUN = 2
+"""A distributed run keeps about two cores busy; more side by side only slow one another."""
+
+
+@dataclass
+class CaseResult:
+    """One case as it was flown."""
+
+    case: Case
+    directory: Path
+    metrics: dict[str, Any] = field(default_factory=dict)
+    outcomes: list[Outcome] = field(default_factory=list)
+    wall_s: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether every expectation holds."""
+        return all(outcome.holds for outcome in self.outcomes)
+
+
+@dataclass
+class SuiteResult:
+    """A whole suite: cases, comparisons and claims."""
+
+    suite: Suite
+    cases: list[CaseResult]
+    comparisons: list[Outcome] = field(default_factory=list)
+    claims: list[tuple[str, str, bool, list[Outcome]]] = field(default_factory=list)
+    """Text, verdict, whether it fails the suite, and the outcome of each check."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the suite as a whole passes."""
+        return (
+            all(result.passed for result in self.cases)
+            and all(outcome.holds for outcome in self.comparisons)
+            and not any(failed for _, _, failed, _ in self.claims)
+        )
+
+
+def case_directory(out: Path, name: str) -> Path:
+    """Return a case's directory; characters that a file name should not have become ``_``."""
+    return out / re.sub(r"[^A-Za-z0-9._=,\[\]-]", "_", name)
+
+
+def default_jobs(suite: Suite) -> int:
+    """Return how many cases run side by side on this machine."""
+    cores = os.cpu_count() or 1
+    light = all(case.mode == "simulate" for case in suite.cases)
+    return max(1, cores if light else cores // CORES_PER_RUN)
+
+
+def run_suite(
+    suite: Suite,
+    out: Path,
+    jobs: int,
+    watch: Callable[[Case, str], None] = lambda *_: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> SuiteResult:
+    """Fly every case below ``out`` and judge the suite.
+
+    ``watch(case, text)`` is called from the cases' threads as they go.
+    """
+    results: dict[str, CaseResult] = {}
+    stopping = threading.Event()
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        halted = lambda: stopping.is_set() or stop()  # noqa: E731
+        futures = {pool.submit(_fly, case, out, watch, halted): case for case in suite.cases}
+        try:
+            for future in as_completed(futures):
+                results[futures[future].name] = future.result()
+        except BaseException:
+            stopping.set()
+            raise
+    return judge(suite, [results[case.name] for case in suite.cases])
+
+
+def judge(suite: Suite, cases: list[CaseResult]) -> SuiteResult:
+    """Return the suite's result: its comparisons and claims over the cases' metrics."""
+    runs = {result.case.name: result.metrics for result in cases}
+    claims = []
+    for claim in suite.claims:
+        verdict, outcomes = claim.judge(runs)
+        claims.append((claim.text, verdict, claim.fails(verdict), outcomes))
+    return SuiteResult(suite, cases, [c.check(runs) for c in suite.compare], claims)
+
+
+def _fly(
+    case: Case, out: Path, watch: Callable[[Case, str], None], stop: Callable[[], bool]
+) -> CaseResult:
+    """Fly one case; whatever goes wrong is its result, not the suite's end."""
+    result = CaseResult(case, case_directory(out, case.name))
+    if stop():
+        result.metrics = {"status": 130, "error": "not started", "complete": False}
+        result.outcomes = case.check(result.metrics)
+        return result
+    start = time.monotonic()
+    watch(case, "starting")
+    try:
+        summary, error, status = _run_case(case, result.directory, watch, stop)
+    except (BagError, NoDomainError, OSError, ValueError) as problem:
+        summary, error, status = {}, str(problem), 1
+    result.wall_s = time.monotonic() - start
+    result.metrics = {**summary, "status": status, "error": error}
+    result.outcomes = case.check(result.metrics)
+    watch(case, "passed" if result.passed else "FAILED")
+    return result
+
+
+def _run_case(
+    case: Case, directory: Path, watch: Callable[[Case, str], None], stop: Callable[[], bool]
+) -> tuple[dict[str, Any], str, int]:
+    """Return the summary, the text that the run ended with, and its exit status."""
+
+    def progress(ticks: int, total: int) -> None:
+        watch(case, f"{100 * ticks // max(1, total)} %")
+
+    if case.mode == "simulate":
+        summary = _simulate_apart(case, directory)
+        return summary, str(summary.get("problem") or ""), 0 if summary.get("stable") else 1
+    plan = FaultPlan(case.faults, Timeline.of(case.config.run)) if case.faults else None
+    outcome = run_scenario(
+        case.config, case.name, directory, RunOptions(compose=case.mode == "compose"),
+        watch=progress, stop=stop, faults=plan,
+    )  # fmt: skip
+    status = 0 if outcome.stable and not outcome.problem else 1
+    return outcome.summary, outcome.problem, status
+
+
+def _simulate_apart(case: Case, directory: Path) -> dict[str, Any]:
+    """Simulate in a process of its own: threads would share one interpreter's time."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(simulate, case.config, directory, case.name).result()

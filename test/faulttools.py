@@ -1,0 +1,149 @@
+"""Runs with a fault, and what must be true of every one of them afterwards."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from bagtools import small_messages
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.launcher import litter, processes, run
+from flexarm_ros.launcher.faults import FaultPlan
+from flexarm_ros.nodes.graph import TICK_EVERY
+from flexarm_ros.nodes.plant import RECORDER_WINDOW
+from flexarm_ros.nodes.trajectory import AHEAD
+from flexarm_ros.scenario.suite import Fault
+
+TICKS = 500
+CHUNK_TICKS = 50
+SIGNALS = ("kill", "pause")
+OWN = ("raise", "exit")
+NODE = Path(__file__).with_name("faulty_node.py")
+
+TICK_TIMEOUT_S = 2.0
+LIMIT_S = TICK_TIMEOUT_S + 0.6 + processes.END_GRACE_S + 2.0
+"""Wall time from a fault to the end of all processes: the limit on a tick with the last node's
+patience, the look at the verdicts, the time to leave, SIGTERM, SIGKILL."""
+
+
+@dataclass
+class Faulted:
+    """A run that had a fault."""
+
+    directory: Path
+    problem: str
+    ticks: int
+    took_s: float
+    """From the fault, or from the last recorded tick before it, to the end."""
+    exits: dict[str, int]
+    memory: set[str] = field(default_factory=set)
+
+
+def faulty_run(
+    patch: pytest.MonkeyPatch, directory: Path, role: str, fault: str, tick: int
+) -> Faulted:
+    """Fly half a second of ``fls_tip`` with one fault in the node ``role`` at ``tick``."""
+    config = scenario.load(
+        "fls_tip",
+        ["duration=0.5", f"tick_timeout={TICK_TIMEOUT_S}",
+         f"recorder.chunk_time={CHUNK_TICKS / 1000}"],
+    )  # fmt: skip
+    memory: set[str] = set()
+    exits: dict[str, int] = {}
+    moved = [0.0, -1.0]
+    remove, close, command = (
+        litter.Litter.remove,
+        processes.NodeProcesses.__exit__,
+        run.node_command,
+    )
+
+    def remembering(self: litter.Litter) -> list[str]:
+        memory.update(self.names)
+        return remove(self)
+
+    def closing(self: processes.NodeProcesses, *error: object) -> None:
+        close(self, *error)
+        exits.update(self.exits)
+
+    def commanding(name: str, arguments: list[str]) -> list[str]:
+        if name != role or fault in SIGNALS:
+            return command(name, arguments)
+        words = [sys.executable, str(NODE), name, fault, str(tick), "--ros-args"]
+        return words + arguments
+
+    def watching(done: int, _: int) -> None:
+        if done != moved[1]:
+            moved[:] = [time.monotonic(), done]
+
+    patch.setattr(litter.Litter, "remove", remembering)
+    patch.setattr(processes.NodeProcesses, "__exit__", closing)
+    patch.setattr(run, "node_command", commanding)
+    timeline = Timeline.of(config.run)
+    plan = FaultPlan([Fault(tick / 1000, role, fault)], timeline) if fault in SIGNALS else None
+    outcome = run.run_scenario(
+        config, "fls_tip", directory, run.RunOptions(), watch=watching, faults=plan
+    )
+    took = time.monotonic() - moved[0]
+    summary = json.loads((directory / "summary.json").read_text())
+    assert summary["stable"] is not True
+    assert summary["problem"] == outcome.problem
+    check_bag(directory, config, summary["ticks"])
+    return Faulted(directory, outcome.problem, summary["ticks"], took, exits, memory)
+
+
+def check_bag(directory: Path, config: RunConfig, ticks: int) -> None:
+    """The bag opens and holds, for ``ticks`` ticks, the bytes of an undisturbed run."""
+    bag = directory / "bag"
+    if not bag.exists():
+        assert ticks == 0
+        return
+    wanted = small_messages(config)
+    paths = [topic.path for topic in per_tick_topics(config)]
+    with open(bag / "bag_0.mcap", "rb") as file:
+        messages = [
+            (channel.topic, message.sequence - 1, message.data)
+            for _, channel, message in make_reader(file).iter_messages()
+        ]
+    by_tick: dict[tuple[int, str], bytes] = {}
+    for topic, tick, data in messages:
+        assert (tick, topic) not in by_tick, f"twice: {topic} at tick {tick}"
+        by_tick[tick, topic] = data
+        assert data == wanted[tick][paths.index(topic)], f"{topic} at tick {tick}"
+    whole = [k for k in range(TICKS) if all((k, path) in by_tick for path in paths)]
+    assert whole == list(range(ticks))
+    # Of the tick that was not finished there may be some messages, of later ones none.
+    assert max((tick for tick, _ in by_tick), default=-1) <= ticks
+    with AnyReader([bag]) as reader:
+        assert sum(1 for _ in reader.messages()) == len(messages)
+    rows = (directory / "trajectory.csv").read_text().splitlines()
+    assert len(rows) == 1 + ticks
+
+
+def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
+    """What is said names the node, the tick and why; nothing is left behind."""
+    said = done.problem
+    assert said.startswith(f"{role}: tick "), said
+    assert "\n" not in said
+    assert len(said) < 400
+    why = {"kill": "killed by SIGKILL", "raise": "ZeroDivisionError: a fault on purpose",
+           "exit": "ended with exit status 0", "pause": "within"}  # fmt: skip
+    assert why[fault] in said
+    named = int(said.split()[2].rstrip(":"))
+    ahead = {"trajectory": AHEAD + TICK_EVERY, "recorder": RECORDER_WINDOW}.get(role, 0)
+    assert tick - ahead <= named <= min(tick + ahead, TICKS), said
+    lost = CHUNK_TICKS if (role, fault) == ("recorder", "kill") else 0
+    assert done.ticks >= min(tick, named) - lost - 1
+    assert done.took_s < LIMIT_S, said
+    assert done.memory, "no shared memory was noted"
+    left = [name for name in done.memory if (litter.FOLDER / name).exists()]
+    assert not left

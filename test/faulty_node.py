@@ -1,0 +1,46 @@
+"""A node that does something bad at a tick: ``faulty_node.py ROLE FAULT TICK --ros-args ...``.
+
+FAULT: ``raise`` (an exception in the callback of a tick), ``exit`` (leaves with status 0 as if
+all were well), ``service`` (an exception in the callback of a service, as far as the node
+itself is concerned), ``import`` (dies before it is a node).
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Any
+
+
+def main() -> int:
+    role, fault, tick = sys.argv[1], sys.argv[2], int(sys.argv[3])
+    if fault == "import":
+        raise ImportError("no such module, on purpose")
+    from flexarm_ros.nodes import process
+    from flexarm_ros.nodes.graph import TICK_EVERY
+
+    name = process.CLASSES[role]
+    module = import_module(f"flexarm_ros.nodes.{role}")
+
+    class Faulty(getattr(module, name)):  # type: ignore[misc]
+        def advance(self, *args: Any) -> bool:
+            if self._due():
+                if fault == "raise":
+                    raise ZeroDivisionError("a fault on purpose")
+                if fault == "exit":
+                    raise SystemExit(0)
+                self.crashed = "ZeroDivisionError: a fault on purpose"
+            return bool(super().advance(*args))
+
+        def _due(self) -> bool:
+            if role != "trajectory":
+                return bool(self.tick >= tick)
+            # It hears of the plant's ticks now and then, and is far ahead of them itself.
+            return self._plant_tick > 0 and tick < self._plant_tick + TICK_EVERY
+
+    setattr(module, name, Faulty)
+    return process.run_process(role, sys.argv[4:])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

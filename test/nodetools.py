@@ -1,0 +1,69 @@
+"""Helpers of the tests that start nodes: commands, processes, waiting on conditions."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+
+
+def flexarm(*words: str | Path, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
+    """Run the command line to its end."""
+    return subprocess.run(
+        [sys.executable, "-m", "flexarm_ros.cli", *map(str, words)],
+        capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False,
+    )  # fmt: skip
+
+
+def start_node(role: str, parameters: Path, *words: str) -> subprocess.Popen[str]:
+    """Start one node by hand, as a user does in a terminal of its own."""
+    command = [sys.executable, "-m", "flexarm_ros.nodes", role, "--ros-args"]
+    return subprocess.Popen(
+        [*command, "--params-file", str(parameters), *words],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+    )  # fmt: skip
+
+
+def finish(processes: Sequence[subprocess.Popen[str]], timeout: float = 90.0) -> list[str]:
+    """Wait until all have ended and return what each printed; kill them past the deadline."""
+    deadline = time.monotonic() + timeout
+    texts = []
+    try:
+        for process in processes:
+            texts.append(process.communicate(timeout=max(0.1, deadline - time.monotonic()))[0])
+    finally:
+        for process in processes:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+    return texts
+
+
+def wait_for(condition: Callable[[], bool], timeout: float, what: str) -> None:
+    """Poll until ``condition`` holds; fail with ``what`` at the deadline."""
+    deadline = time.monotonic() + timeout
+    tick = threading.Event()
+    while not condition():
+        assert time.monotonic() < deadline, f"not within {timeout:g} s: {what}"
+        tick.wait(0.02)
+
+
+def burners(count: int) -> list[subprocess.Popen[bytes]]:
+    """Start processes that keep a core busy each, for a minute at the longest."""
+    code = "import time\nend = time.time() + 60\nwhile time.time() < end: pass"
+    return [subprocess.Popen([sys.executable, "-c", code], env=os.environ) for _ in range(count)]
+
+
+def write_scenario(path: Path, name: str, *overrides: str) -> Path:
+    """Write a shipped scenario with overrides as a file of its own."""
+    from flexarm_ros import scenario
+
+    path.write_text(scenario.dump(scenario.load(name, list(overrides))), encoding="utf-8")
+    return path

@@ -1,0 +1,79 @@
+"""Run control: pause, step, speed, reset; a reset run gives the bytes of a fresh one."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+from nodetools import flexarm, wait_for
+
+pytestmark = pytest.mark.nodes
+
+
+@pytest.fixture
+def rclpy_node(ros_domain: int):
+    import rclpy
+
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("test_control", context=context)
+    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield node, executor
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+    from std_srvs.srv import SetBool, Trigger
+
+    node, executor = rclpy_node
+    kinds = {"pause": SetBool, "step": Trigger, "reset": Trigger, "state": Trigger,
+             "set_parameters": SetParameters}  # fmt: skip
+    clients = {name: node.create_client(kind, f"/plant/{name}") for name, kind in kinds.items()}
+
+    def call(name: str, **request: object):
+        future = clients[name].call_async(kinds[name].Request(**request))
+        executor.spin_until_future_complete(future, timeout_sec=20)
+        assert future.done(), name
+        return future.result()
+
+    def tick() -> int:
+        return int(call("state").message.split("tick ")[1].split(",")[0])
+
+    done = []
+    words = ("run", "pd_tip", "--set", "duration=1.0", "--rtf", "0.2", "--no-pictures",
+             "--out", tmp_path / "run")  # fmt: skip
+    run = threading.Thread(target=lambda: done.append(flexarm(*words)))
+    run.start()
+    try:
+        assert clients["state"].wait_for_service(60)
+        wait_for(lambda: tick() > 20, 60, "the run has begun")
+        assert not call("step").success  # not paused
+        assert call("pause", data=True).success
+        held = tick()
+        wait_for(lambda: "paused" in call("state").message, 10, "the plant says that it is paused")
+        assert tick() - held <= 1
+        held = tick()
+        for _ in range(3):
+            assert call("step").success
+        wait_for(lambda: tick() == held + 3, 10, "three steps")
+        assert call("reset").success
+        assert call("pause", data=False).success
+        wait_for(lambda: tick() > held, 60, "the run goes on after the reset")
+        fast = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.0)
+        change = [Parameter(name="real_time_factor", value=fast)]
+        assert call("set_parameters", parameters=change).results[0].successful
+    finally:
+        run.join(120)
+    assert done[0].returncode == 0, done[0].stderr
+    assert (tmp_path / "run" / "bag-before-reset-1" / "metadata.yaml").exists()
+    fresh = flexarm("simulate", "pd_tip", "--set", "duration=1.0", "--no-pictures",
+                    "--out", tmp_path / "fresh")  # fmt: skip
+    assert fresh.returncode == 0, fresh.stderr
+    for file in ("bag/bag_0.mcap", "trajectory.csv"):
+        assert (tmp_path / "run" / file).read_bytes() == (tmp_path / "fresh" / file).read_bytes()

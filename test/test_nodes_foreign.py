@@ -1,0 +1,92 @@
+"""Somebody else's controller in the loop, and a controller against a recorded run."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from nodetools import ROOT, finish, flexarm, start_node, write_scenario
+
+pytestmark = pytest.mark.nodes
+EXAMPLE = ROOT / "examples" / "minimal_controller.py"
+
+
+def test_the_example_controller_flies_in_lockstep(tmp_path: Path, ros_domain: int) -> None:
+    example = subprocess.Popen([sys.executable, str(EXAMPLE)], cwd=ROOT)
+    try:
+        out = tmp_path / "run"
+        done = flexarm("run", "pd_collocated", "--set", "duration=0.5", "--without", "controller",
+                       "--no-pictures", "--out", out)  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert example.poll() is None
+    finally:
+        example.terminate()
+        example.wait()
+    rows = (out / "trajectory.csv").read_text().splitlines()
+    assert len(rows) == 501
+    cell = dict(zip(rows[0].split(","), rows[1].split(","), strict=True))
+    # The first torque is the example's own law at the first state, at rest.
+    assert float(cell["tau1"]) == 2000.0 * (
+        -3 * 3.141592653589793 / 4 - 0.14 - float(cell["theta1"])
+    )
+    assert json.loads((out / "summary.json").read_text())["stable"] is True
+
+
+def test_the_protocol_page_shows_the_example_that_is_tested() -> None:
+    assert len(EXAMPLE.read_text().splitlines()) <= 45
+    assert "examples/minimal_controller.py" in (ROOT / "docs" / "protocol.md").read_text()
+
+
+def test_our_controller_repeats_a_recorded_run(tmp_path: Path, ros_domain: int) -> None:
+    file = write_scenario(tmp_path / "s.yaml", "fls_mid", "duration=0.3")
+    out = tmp_path / "run"
+    assert flexarm("simulate", file, "--no-pictures", "--out", out).returncode == 0
+    controller = start_node("controller", file)
+    done = flexarm("replay", out, "--without", "controller")
+    (text,) = finish([controller])
+    assert done.returncode == 0, done.stderr
+    assert controller.returncode == 0, text
+    assert "300 torques, 300 equal to the recorded ones" in done.stderr + done.stdout
+
+
+def test_a_replay_publishes_every_message_again(tmp_path: Path, ros_domain: int) -> None:
+    out = tmp_path / "run"
+    assert flexarm("simulate", "pd_tip", "--set", "duration=0.2", "--no-pictures", "--out", out
+                   ).returncode == 0  # fmt: skip
+    code = """
+import rclpy, sys
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+rclpy.init()
+node = rclpy.create_node("listener")
+clocks, torques = [], []
+node.create_subscription(Clock, "/clock", lambda m: clocks.append(m.clock), 1000)
+node.create_subscription(JointState, "/joint_command", lambda m: torques.append(m.effort), 1000)
+print("listening", flush=True)
+while len(clocks) < 200 or len(torques) < 200:
+    rclpy.spin_once(node, timeout_sec=0.1)
+print([c.sec * 10**9 + c.nanosec for c in clocks] == [10**9 + k * 10**6 for k in range(200)])
+print(list(torques[-1]))
+"""
+    listener = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        assert listener.stdout is not None
+        assert listener.stdout.readline() == "listening\n"
+        done = flexarm("replay", out, "--rate", "2", "--delay", "3")
+        assert done.returncode == 0, done.stderr
+    finally:
+        (text,) = finish([listener], timeout=30.0)
+    in_order, last = text.splitlines()
+    assert in_order == "True"
+    row = (out / "trajectory.csv").read_text().splitlines()[-1].split(",")
+    assert json.loads(last) == [float(row[-3]), float(row[-2])]
+
+
+def test_replay_of_what_is_no_run_is_refused(tmp_path: Path) -> None:
+    done = flexarm("replay", tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) <= 2
+    assert "Traceback" not in done.stderr
