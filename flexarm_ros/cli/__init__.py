@@ -1,0 +1,184 @@
+"""The command ``flexarm``.
+
+Each command is a module of this package with ``add_parser(subparsers)`` and
+``run(args) -> int``, the exit status.  Only the module of the command that was asked for
+is imported, so that ``flexarm --help`` is quick and ``simulate`` needs no ROS.
+
+Exit status: 0 success; 1 a run or check that failed; 2 bad usage or a bad scenario; 3 a
+bag rescued in part; 130 after Ctrl-C, 143 after SIGTERM.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from flexarm_ros.cli import signals
+
+COMMANDS = {
+    "list": ("listing", "the shipped scenarios and suites"),
+    "run": ("run", "fly a scenario as ROS 2 nodes in lock-step, recorded"),
+    "simulate": ("simulate", "fly a scenario in one process, without ROS"),
+    "suite": ("suite", "fly many scenarios and check what is expected of them"),
+    "replay": ("replay", "publish a recorded run again"),
+    "verify": ("verify", "recompute a recorded run and compare every message"),
+    "recover": ("recover", "rescue a damaged bag into a new one"),
+    "report": ("report", "pictures and one HTML page of runs"),
+    "modes": ("modes", "natural frequencies of the arm"),
+    "sweep": ("sweep", "many scenarios in parallel, one table"),
+    "stability": ("stability", "eigenvalues and margins of the sampled loop"),
+    "export": ("export", "a bag's messages as CSV or Parquet"),
+    "compare": ("compare", "differences between two runs"),
+    "view": ("view", "live view of a run in a browser"),
+}
+"""Command -> (module of this package, one line for the help)."""
+
+
+class UsageError(Exception):
+    """The command line asks for what cannot be done: exit status 2."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors take two lines, not the whole usage."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        kwargs.setdefault("allow_abbrev", False)
+        super().__init__(*args, **kwargs)
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: error: {message}\nsee: {self.prog} --help\n")
+
+
+class _Version(argparse.Action):
+    """Prints the version; looked up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
+        from flexarm_ros.cli.version import package_version
+
+        print(f"flexarm {package_version()}")
+        parser.exit()
+
+
+class _Output:
+    """Standard output that goes quiet when its reader has left.
+
+    The command then still runs to its end and gives its own exit status.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        try:
+            return int(self._stream.write(text))
+        except OSError as error:
+            self._discard(error)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError as error:
+            self._discard(error)
+
+    def _discard(self, error: OSError) -> None:
+        """Send what is buffered and all that follows nowhere; a full disk is still an error."""
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, self._stream.fileno())
+        os.close(null)
+        if not isinstance(error, BrokenPipeError):
+            raise error
+
+
+def _available() -> dict[str, tuple[str, str]]:
+    here = Path(__file__).parent
+    return {name: entry for name, entry in COMMANDS.items() if (here / f"{entry[0]}.py").exists()}
+
+
+def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser for ``argv``; only its command's module is imported."""
+    parser = _Parser(
+        prog="flexarm",
+        description="A two-link flexible robot arm as ROS 2 nodes: fly, record, replay, judge.",
+        epilog="flexarm COMMAND --help says more. FLEXARM_DEBUG=1 shows tracebacks.",
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and leave")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    wanted = next((word for word in argv if not word.startswith("-")), None)
+    for name, (module, summary) in _available().items():
+        if name == wanted:
+            importlib.import_module(f"flexarm_ros.cli.{module}").add_parser(subparsers)
+        else:
+            subparsers.add_parser(name, help=summary, add_help=False)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run ``flexarm`` and return its exit status; the console script's entry."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    stdout = sys.stdout
+    if stdout is not None:
+        sys.stdout = _Output(stdout)
+    try:
+        with signals.raising():
+            return _guarded(words)
+    except signals.Interrupted as stop:
+        print(f"flexarm: stopped by {stop}", file=sys.stderr)
+        return stop.status
+    finally:
+        sys.stdout = stdout
+
+
+def _guarded(words: list[str]) -> int:
+    try:
+        status = _dispatch(words)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return status
+    except SystemExit as leave:  # argparse: --help, --version and errors
+        return leave.code if isinstance(leave.code, int) else 0 if leave.code is None else 2
+    except KeyboardInterrupt:
+        return 130
+    except Exception as error:
+        if os.environ.get("FLEXARM_DEBUG", "0") not in ("", "0"):
+            raise
+        return _explain(words, error)
+
+
+def _dispatch(words: list[str]) -> int:
+    parser = build_parser(words)
+    args = parser.parse_args(words)
+    if args.command is None:
+        parser.error("give a command")
+    module = importlib.import_module(f"flexarm_ros.cli.{COMMANDS[args.command][0]}")
+    return int(module.run(args))
+
+
+def _explain(words: list[str], error: Exception) -> int:
+    """Print an error in one or two lines and return its exit status."""
+    from flexarm_ros.scenario.errors import ScenarioError, clip
+
+    command = next((word for word in words if word in COMMANDS), "")
+    prefix = f"flexarm {command}".rstrip()
+    if isinstance(error, (ScenarioError, UsageError)):
+        print(f"{prefix}: error: {error}", file=sys.stderr)
+        return 2
+    bag_errors = sys.modules.get("flexarm_ros.bag.errors")
+    if bag_errors is not None and isinstance(error, bag_errors.BagError):
+        print(f"{prefix}: error: {error}", file=sys.stderr)
+        return 2 if isinstance(error, bag_errors.BagExistsError) else 1
+    if isinstance(error, OSError):
+        place = f"{clip(str(error.filename), 200)}: " if error.filename is not None else ""
+        print(f"{prefix}: error: {place}{error.strerror or error}", file=sys.stderr)
+        return 1
+    text = clip(f"{type(error).__name__}: {error}", 300)
+    print(f"{prefix}: internal error: {text}\n(FLEXARM_DEBUG=1 shows where)", file=sys.stderr)
+    return 1

@@ -1,0 +1,35 @@
+"""``flexarm export``: a bag's messages as CSV or Parquet."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command to the main parser."""
+    parser = subparsers.add_parser(
+        "export",
+        help="a bag's messages as CSV or Parquet",
+        description="Write one table for each topic of BAG (a run's directory, the bag in it or "
+        "the .mcap file), and its trajectory, into the new directory DIR. Parquet needs pyarrow.",
+    )
+    parser.add_argument("bag", metavar="BAG")
+    parser.add_argument("--format", choices=("csv", "parquet"), default="csv")
+    parser.add_argument("--out", metavar="DIR", required=True, help="new directory of the files")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Export the bag; 0, or 1 where that is not possible."""
+    from flexarm_ros.bag.errors import BagError
+    from flexarm_ros.bag.export import export
+
+    try:
+        files = export(args.bag, args.out, args.format)
+    except BagError as error:
+        print(f"flexarm export: error: {error}", file=sys.stderr)
+        return 1
+    for name, rows in files.items():
+        print(f"{rows:9} rows  {args.out}/{name}")
+    return 0

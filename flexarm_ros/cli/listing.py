@@ -1,0 +1,38 @@
+"""``flexarm list``: the shipped scenarios, suites and sweeps, a line each."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.scenario import locate
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command to the main parser."""
+    parser = subparsers.add_parser(
+        "list",
+        help="the shipped scenarios and suites",
+        description="List the shipped scenarios, suites and sweeps, a line each. "
+        "Their bare names can be given to the other commands.",
+    )
+    parser.add_argument("--paths", action="store_true", help="show where each file is instead")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the list; returns 0, or 1 if nothing is shipped here."""
+    groups = {
+        "scenario": locate.shipped(),
+        "suite": locate.shipped_suites(),
+        "sweep": locate.shipped_sweeps(),
+    }
+    width = max((len(name) for group in groups.values() for name in group), default=0)
+    for kind, group in groups.items():
+        for name, path in group.items():
+            print(f"{name:<{width}}  {kind:<8}  {_text(path, args.paths)}".rstrip())
+    return 0 if any(groups.values()) else 1
+
+
+def _text(path: Path, show_path: bool) -> str:
+    return str(path) if show_path else locate.first_comment(path)

@@ -1,0 +1,117 @@
+"""Progress of runs: a bar on a terminal, plain lines elsewhere, both on standard error."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Any, TypeVar
+
+from flexarm_ros.core.parameters import RunConfig
+
+_LINE_EVERY_S = 5.0
+
+_Self = TypeVar("_Self", bound="_Shown")
+
+
+class _Shown:
+    """A rich bar where standard error is a terminal; otherwise ``say`` prints lines."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._last_line = time.monotonic()
+        self._bar: Any = None
+        self._task: Any = None
+
+    def say(self, text: str) -> None:
+        """Print one line, above the bar where there is one."""
+        if self._bar is not None:
+            self._bar.console.print(text, markup=False, highlight=False)
+        else:
+            print(text, file=sys.stderr, flush=True)
+
+    def _line_is_due(self) -> bool:
+        now = time.monotonic()
+        if now - self._last_line < _LINE_EVERY_S:
+            return False
+        self._last_line = now
+        return True
+
+    def _show(self, done: int, total: int, note: str) -> None:
+        self._bar.update(self._task, completed=done, total=total, note=note)
+
+    def __enter__(self: _Self) -> _Self:
+        if sys.stderr is not None and sys.stderr.isatty():
+            self._open_bar()
+        return self
+
+    def _open_bar(self) -> None:
+        # Imported here: it takes 50 ms, which runs in pipes need not pay.
+        from rich.console import Console
+        from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        self._bar = Bar(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[note]}"),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._task = self._bar.add_task(self._name, total=None, note="")
+        self._bar.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
+
+
+class Progress(_Shown):
+    """Shows simulated time, real-time factor and the time that is left of one run."""
+
+    def __init__(self, config: RunConfig, name: str) -> None:
+        super().__init__(name)
+        self._period, self._duration = config.run.control_period, config.run.duration
+        self._start: float | None = None
+        self._first = 0
+
+    def update(self, ticks: int, total: int) -> None:
+        """Take the number of ticks done; the clock starts with the first of them."""
+        now = time.monotonic()
+        if self._start is None:
+            if ticks > 0:
+                self._start, self._first = now, ticks
+            return
+        wall = now - self._start
+        factor = (ticks - self._first) * self._period / wall if wall > 0.0 else 0.0
+        simulated = f"{ticks * self._period:.2f} of {self._duration:g} s simulated"
+        if self._bar is not None:
+            self._show(ticks, total, f"{simulated}, {factor:.1f} times real time")
+        elif self._line_is_due():
+            left = (total - ticks) * self._period / factor if factor > 0.0 else 0.0
+            self.say(f"{self._name}: {simulated}, {factor:.1f} times real time, {left:.0f} s left")
+
+
+class CountProgress(_Shown):
+    """Shows how many runs are done and the time that is left."""
+
+    def __init__(self, name: str, total: int, done: int = 0) -> None:
+        super().__init__(name)
+        self._total, self._first = total, done
+        self._start = time.monotonic()
+
+    def update(self, done: int) -> None:
+        """Take the number of runs that are done."""
+        if self._bar is not None:
+            self._show(done, self._total, f"{done} of {self._total} runs")
+        elif self._line_is_due():
+            wall = time.monotonic() - self._start
+            left = wall / max(1, done - self._first) * (self._total - done)
+            self.say(f"{self._name}: {done} of {self._total} runs, {left:.0f} s left")

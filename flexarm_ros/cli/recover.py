@@ -1,0 +1,43 @@
+"""``flexarm recover``: rescue a damaged bag into a new one."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command to the main parser."""
+    parser = subparsers.add_parser(
+        "recover",
+        help="rescue a damaged bag into a new one",
+        description="Copy every sound chunk of RUN's bag (a run's directory, the bag in it or the "
+        ".mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.",
+    )
+    parser.add_argument("run", metavar="RUN")
+    parser.add_argument("--out", metavar="NEWBAG", required=True, help="new directory of the bag")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Rescue the bag; 0 whole, 3 in part, 1 nothing."""
+    from flexarm_ros.bag.errors import BagError
+    from flexarm_ros.bag.recover import recover
+
+    try:
+        rescue = recover(args.run, args.out)
+    except BagError as error:
+        print(f"flexarm recover: error: {error}", file=sys.stderr)
+        return 1
+    verdict = {0: "whole", 3: "in part", 1: "nothing"}[rescue.status]
+    if rescue.kept:
+        ticks = f"{rescue.complete} of {rescue.planned} ticks" if rescue.planned else "no scenario"
+        print(f"{verdict}: {rescue.kept} messages, {ticks}, in {args.out}")
+    else:
+        print(f"{verdict}: {'; '.join(rescue.damages)}", file=sys.stderr)
+        return rescue.status
+    if rescue.dropped:
+        print(f"  {rescue.dropped} messages fit nowhere and were left out")
+    for damage in rescue.damages:
+        print(f"  {damage}")
+    return rescue.status

@@ -1,0 +1,51 @@
+"""``flexarm report``: pictures and one HTML page of runs."""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.cli import UsageError
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command to the main parser."""
+    parser = subparsers.add_parser(
+        "report",
+        help="pictures and one HTML page of runs",
+        description="Write one self-contained HTML page (it works offline) and pictures, PNG and "
+        "SVG, of one run or of several over one another: metrics, the paper's claims, paths, time "
+        "series, the bending arm in motion, the fuzzy logic system, the scenario.",
+    )
+    parser.add_argument(
+        "runs", metavar="RUN", nargs="+", type=Path, help="output directory of a run, or its bag"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR",
+        help="where to write (default: report/ in the run's directory; "
+        "of several runs: report/ here)",
+    )  # fmt: skip
+    parser.add_argument("--no-pictures", action="store_true", help="write the page only")
+    parser.add_argument("--open", action="store_true", help="open the page in a browser")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write page and pictures; 0, or 2 where a RUN is not one."""
+    from flexarm_ros.analysis.figures import write_figures
+    from flexarm_ros.analysis.report import write_report
+    from flexarm_ros.analysis.report_runs import RunError, load_run
+
+    try:
+        first = load_run(args.runs[0])
+        out = args.out or (first.directory if len(args.runs) == 1 else Path()) / "report"
+        page = write_report(args.runs, out)
+        pictures = [] if args.no_pictures else write_figures(args.runs, out)
+    except RunError as error:
+        raise UsageError(str(error)) from None
+    for path in (page, *pictures):
+        print(path)
+    if args.open:
+        webbrowser.open(page.resolve().as_uri())
+    return 0

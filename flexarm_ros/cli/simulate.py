@@ -1,0 +1,113 @@
+"""``flexarm simulate``: fly a scenario in one process, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexarm_ros import scenario
+from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.signals import Deferred
+from flexarm_ros.core.parameters import RunConfig
+
+if TYPE_CHECKING:
+    from flexarm_ros.bag.blocks import Block
+
+Watch = Callable[[int, int], None]
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command to the main parser."""
+    parser = subparsers.add_parser(
+        "simulate",
+        help="fly a scenario in one process, without ROS",
+        description="Fly SCENARIO (a file or the name of a shipped one) in this process: the same "
+        "numbers, the same files as `flexarm run`, no ROS needed.",
+        epilog="Exit status: 0; 1 if the arm becomes unstable; 2 for a bad scenario.",
+    )
+    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    parser.add_argument(
+        "--set", dest="overrides", action="append", default=[], metavar="NODE.KEY=VALUE",
+        help="override a parameter; repeats; the value is YAML; without a node: the whole run",
+    )  # fmt: skip
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="directory of the run (default: runs/NAME)"
+    )
+    parser.add_argument("--no-bag", action="store_true", help="write no bag, only the other files")
+    parser.add_argument("--no-pictures", action="store_true", help="write no pictures")
+    parser.add_argument(
+        "--list-laws", action="store_true", help="print the names of the control laws and leave"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fly the scenario; 0, 1 if it is unstable, 130 or 143 after a signal."""
+    if args.list_laws:
+        return _list_laws()
+    if args.scenario is None:
+        raise UsageError("give a SCENARIO; `flexarm list` shows those that are shipped")
+    from flexarm_ros.bag.simulation import simulate
+    from flexarm_ros.cli.output import new_directory, show_outcome
+    from flexarm_ros.cli.progress import Progress
+
+    config = scenario.load(args.scenario, args.overrides)
+    name = Path(args.scenario).stem
+    directory = new_directory(args.out, name)
+    fly = _without_bag if args.no_bag else simulate
+    with Deferred() as signals, Progress(config, name) as progress:
+        summary = fly(
+            config, directory, name, watch=progress.update, stop=lambda: bool(signals.signum)
+        )
+    show_outcome(directory, summary, pictures=not args.no_pictures and not signals.signum)
+    if signals.signum:
+        return signals.status
+    return 0 if summary["stable"] else 1
+
+
+def _without_bag(
+    config: RunConfig, directory: Path, name: str, watch: Watch, stop: Callable[[], bool]
+) -> dict[str, Any]:
+    """Fly a scenario and write ``trajectory.csv`` and ``summary.json`` as it goes."""
+    from flexarm_ros.bag import outputs
+    from flexarm_ros.bag.provenance import Provenance
+    from flexarm_ros.bag.recording import prepare_directory
+    from flexarm_ros.bag.simulation import loop_blocks
+    from flexarm_ros.core.loop import ClosedLoop
+
+    loop = ClosedLoop(config)
+    prepare_directory(directory, config, name)
+    wall_s = 0.0
+
+    def blocks() -> Iterator[Block]:
+        nonlocal wall_s
+        source = loop_blocks(loop)
+        while not stop():
+            start = time.perf_counter()
+            block = next(source, None)
+            wall_s += time.perf_counter() - start
+            if block is None:
+                return
+            yield block
+            watch(loop.k, loop.timeline.ticks)
+
+    metrics = outputs.write_trajectory(directory, config, blocks())
+    unstable = None
+    if loop.unstable is not None and loop.unstable_tick is not None:
+        unstable = (loop.unstable_tick, loop.unstable)
+    cut = unstable is None and loop.k < loop.timeline.ticks
+    problem = f"interrupted at tick {loop.k}" if cut else ""
+    provenance = Provenance.here(name)
+    summary = outputs.summary_of(config, metrics, provenance, wall_s, unstable, problem)
+    outputs.write_summary(directory, summary)
+    return summary
+
+
+def _list_laws() -> int:
+    from flexarm_ros.core.control import LAWS
+
+    for name in LAWS:
+        print(name)
+    return 0

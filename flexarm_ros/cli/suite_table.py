@@ -1,0 +1,102 @@
+"""A suite on the terminal: a live table while it runs, the verdicts at its end."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from flexarm_ros.cli.output import format_metric
+
+if TYPE_CHECKING:
+    from flexarm_ros.launcher.suite import CaseResult, SuiteResult
+    from flexarm_ros.scenario.suite import Case, Suite
+
+_COLUMNS = ("rms_error", "max_error", "overshoot", "tip_max_error", "rtf")
+
+
+class SuiteTable:
+    """Shows each case's state: a table on a terminal, a line a change of state elsewhere."""
+
+    def __init__(self, suite: Suite) -> None:
+        self._states = {case.name: "waiting" for case in suite.cases}
+        self._lock = threading.Lock()
+        self._live: Any = None
+
+    def update(self, case: Case, text: str) -> None:
+        """Set the state of a case; called from several threads."""
+        with self._lock:
+            if self._states[case.name] == text:
+                return
+            self._states[case.name] = text
+            if self._live is not None:
+                self._live.update(self._table())
+            elif not text.endswith("%"):
+                print(f"{case.name}: {text}", file=sys.stderr, flush=True)
+
+    def _table(self) -> Any:
+        from rich.table import Table
+
+        table = Table("case", "state")
+        for name, state in self._states.items():
+            table.add_row(name, state)
+        return table
+
+    def __enter__(self) -> SuiteTable:
+        if sys.stderr is not None and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.live import Live
+
+            self._live = Live(
+                self._table(), console=Console(stderr=True), transient=True, refresh_per_second=4
+            )
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+
+def print_result(result: SuiteResult) -> None:
+    """Print the table of metrics, what failed, the comparisons and the claims."""
+    _print_cases(result.cases)
+    for case in result.cases:
+        for outcome in case.outcomes:
+            if not outcome.holds:
+                print(f"  {case.case.name}: {outcome.text}")
+    for outcome in result.comparisons:
+        print(f"compare  {'holds' if outcome.holds else 'FAILS'}: {outcome.text}")
+    for text, verdict, failed, outcomes in result.claims:
+        print(f"claim    {text}: {verdict}{' (not as expected)' if failed else ''}")
+        for outcome in outcomes:
+            mark = {True: "yes", False: "no ", None: "?  "}[outcome.holds]
+            print(f"           {mark} {outcome.text}")
+    passed = sum(case.passed for case in result.cases)
+    print(f"{passed} of {len(result.cases)} cases passed; suite {_word(result.passed)}")
+
+
+def _print_cases(cases: list[CaseResult]) -> None:
+    header = ["case", "result", *_COLUMNS]
+    rows = [
+        [
+            c.case.name,
+            ("pass" if c.passed else "FAIL") + ("" if c.metrics.get("stable") else ", not stable"),
+            *(format_metric(c.metrics.get(name)) for name in _COLUMNS),
+        ]
+        for c in cases
+    ]
+    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
+    for row in [header, *rows]:
+        cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)]
+        print("  ".join(cells).rstrip())
+
+
+def _word(passed: bool) -> str:
+    return "passes" if passed else "FAILS"
