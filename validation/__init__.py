@@ -1,0 +1,1 @@
+"""The models against theory and reference solutions: ``python -m validation``."""

@@ -1,0 +1,114 @@
+"""Energy, and the momentum conjugate to theta1: free and forced motions, both models."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.plant_eq14 import Eq14Matrices
+from flexarm_ros.core.plant_full import FullPlant
+from validation.motion import full_plant, start
+from validation.report import Section
+
+LIMIT = 1e-6
+TICKS = 5000
+
+
+def drift(plant: PlantParameters, pulse: float = 0.0) -> tuple[float, float]:
+    """Return the largest relative change of energy and of momentum in 5 s of free motion.
+
+    From theta2 = 1.2 rad at rates 1.5 and -0.7 rad/s with straight links;
+    ``pulse``: torque on both joints, N m, in the tenth of a second before.
+    """
+    arm = start(plant, (0.0, 1.2), (1.5, -0.7))
+    assert isinstance(arm, FullPlant)
+    for tick in range(100 if pulse else 0):
+        shape = math.sin(math.pi * (tick + 0.5) / 100.0)
+        arm.step(pulse * shape, -pulse * shape)
+    energy, momentum = arm.energy(), arm.momentum()
+    changes = np.zeros(2)
+    for tick in range(TICKS):
+        arm.step(0.0, 0.0)
+        if tick % 50 == 49:
+            now = (arm.energy() / energy - 1.0, arm.momentum() / momentum - 1.0)
+            changes = np.maximum(changes, np.abs(now))
+    return float(changes[0]), float(changes[1])
+
+
+def balance(plant: PlantParameters, period: float = 1e-3) -> tuple[float, float]:
+    """Return what is missing in the balance of energy and of momentum of a forced motion.
+
+    Smooth torques on both joints for 3 s.  Torques are held for a tick, so
+    that their work is exactly the sum of torque times change of angle.
+    Relative to the largest energy and momentum.
+    """
+    arm = start(plant, (0.0, 1.0), period=period)
+    assert isinstance(arm, FullPlant)
+    work, impulse, errors, sizes = 0.0, 0.0, np.zeros(2), np.zeros(2)
+    for tick in range(round(3.0 / period)):
+        time = (tick + 0.5) * period
+        torque = (20.0 * math.sin(2.0 * math.pi * time), -15.0 * math.sin(5.0 * time))
+        before = arm.q[:2].copy()
+        arm.step(*torque)
+        work += sum(t * (now - old) for t, now, old in zip(torque, arm.q[:2], before, strict=True))
+        impulse += torque[0] * period
+        state = np.array([arm.energy(), arm.momentum()])
+        errors = np.maximum(errors, np.abs(state - (work, impulse)))
+        sizes = np.maximum(sizes, np.abs(state))
+    return float(errors[0] / sizes[0]), float(errors[1] / sizes[1])
+
+
+def eq14_drift(plant: PlantParameters) -> tuple[float, float]:
+    """Return the same changes for ``eq14``, with its own mass matrix at each elbow angle."""
+    matrices = Eq14Matrices(plant)
+    arm = start(plant, (0.0, 1.2), (1.5, -0.7))
+
+    def state() -> tuple[float, float]:
+        mass = matrices.mass_at(float(arm.q[1]))
+        kinetic = 0.5 * float(arm.qd @ mass @ arm.qd)
+        elastic = 0.5 * float(matrices.stiffness @ arm.q**2)
+        return kinetic + elastic, float(mass[0] @ arm.qd)
+
+    energy, momentum = state()
+    changes = np.zeros(2)
+    for _ in range(TICKS):
+        arm.step(0.0, 0.0)
+        now = state()
+        changes = np.maximum(changes, np.abs([now[0] / energy - 1.0, now[1] / momentum - 1.0]))
+    return float(changes[0]), float(changes[1])
+
+
+def run() -> Section:
+    """Compute the tables."""
+    section = Section("Energy and momentum")
+    section.say(
+        "Largest relative change in 5 s of free, undamped motion, default integrator steps; from "
+        "straight links at 1.5 and -0.7 rad/s, theta2 = 1.2 rad, and after torque pulses of "
+        "20 N m and 0.1 s on both joints:"
+    )
+    rows = []
+    for hub in (0.0, 8.0):
+        for modes in range(1, 7):
+            plant = full_plant(modes=modes, hub_inertia=(hub, hub))
+            free, pulsed = drift(plant), drift(plant, 20.0)
+            rows.append([f"{hub:g}", modes, *(f"{value:.1e}" for value in (*free, *pulsed))])
+            section.check(max(*free, *pulsed) < LIMIT, f"drift, N = {modes}, hub {hub:g}")
+    section.table(
+        ["hub, kg m^2", "N", "energy", "momentum", "energy (pulsed)", "momentum (pulsed)"], rows
+    )
+    section.say("Forced motion, 3 s, smooth torques on both joints; missing in the balance:")
+    rows = []
+    for modes in (1, 4):
+        missing = balance(full_plant(modes=modes))
+        rows.append([modes, *(f"{value:.1e}" for value in missing)])
+        section.check(max(missing) < LIMIT, f"balance, N = {modes}")
+    section.table(["N", "energy - work", "momentum - impulse"], rows)
+    section.say("`eq14`, free motion as above:")
+    rows = []
+    for modes in (1, 4):
+        plant = PlantParameters(model="eq14", modes=modes, hub_inertia=(8.0, 8.0))
+        rows.append([modes, *(f"{value:.3f}" for value in eq14_drift(plant))])
+    section.table(["N", "energy", "momentum"], rows)
+    return section

@@ -1,0 +1,165 @@
+"""The same arm in Exudyn: planar ANCF cable elements, geometrically exact bending.
+
+Exudyn (PyPI ``exudyn``) is wanted here and in one test only.  Its cables can
+stretch; the arm's links cannot.  Each motion is therefore computed with two
+axial stiffnesses and extrapolated to an infinite one, the error being
+proportional to 1 / EA.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import exudyn as exu
+import exudyn.itemInterface as items
+import numpy as np
+
+from validation.motion import Array, Case
+
+LENGTH, DENSITY, RIGIDITY = 4.5, 0.335, 1676.0
+ELEMENTS = 16
+STEP = 5e-4
+AXIAL = (1e6, 3e6)
+"""EA of the two runs, N."""
+
+EVERY = 0.02
+"""Seconds between rows."""
+
+
+def solve(case: Case) -> Array:
+    """Return the motion as rows ``(t, theta1, theta2, tip_x, tip_y, defl1, defl2)``."""
+    soft, stiff = (_run(case, axial) for axial in AXIAL)
+    ratio = AXIAL[1] / AXIAL[0]
+    return np.asarray((ratio * stiff - soft) / (ratio - 1.0))
+
+
+def _run(case: Case, axial: float) -> Array:
+    system = exu.SystemContainer().AddSystem()
+    links = _links(system, case, axial)
+    _joints(system, links)
+    if case.payload:
+        _payload(system, links[1][-1], case.payload)
+    _torques(system, links, case)
+    rows: list[list[float]] = []
+
+    def record(mbs: Any, time: float) -> bool:
+        if time >= len(rows) * EVERY - 0.5 * STEP:
+            rows.append([len(rows) * EVERY, *_measure(mbs, links)])
+        return True
+
+    system.SetPostStepUserFunction(record)
+    system.Assemble()
+    record(system, 0.0)
+    settings = exu.SimulationSettings()
+    integration = settings.timeIntegration
+    integration.numberOfSteps = round(case.duration / STEP)
+    integration.endTime = case.duration
+    integration.verboseMode = 0
+    integration.adaptiveStep = False
+    integration.generalizedAlpha.spectralRadius = 1.0
+    integration.generalizedAlpha.useIndex2Constraints = True
+    integration.generalizedAlpha.useNewmark = True
+    integration.newton.useModifiedNewton = False
+    integration.newton.relativeTolerance = 1e-5
+    integration.newton.absoluteTolerance = 1e-9
+    settings.solution.file.write = False
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+    system.SolveDynamic(settings)
+    motion = np.array(rows)
+    motion[:, 1:3] = np.unwrap(motion[:, 1:3], axis=0)
+    return motion
+
+
+def _links(system: Any, case: Case, axial: float) -> list[list[Any]]:
+    """Add both links, straight; return their nodes."""
+    links = []
+    start, speed, angle, rate = np.zeros(2), np.zeros(2), 0.0, 0.0
+    piece = LENGTH / ELEMENTS
+    for joint, change in zip(case.angles, case.rates, strict=True):
+        angle += joint
+        rate += change
+        along = np.array([np.cos(angle), np.sin(angle)])
+        across = np.array([-along[1], along[0]])
+        nodes = []
+        for i in range(ELEMENTS + 1):
+            place = start + i * piece * along
+            velocity = speed + rate * i * piece * across
+            nodes.append(
+                system.AddNode(
+                    items.NodePoint2DSlope1(
+                        referenceCoordinates=[*place, *along],
+                        initialVelocities=[*velocity, *(rate * across)],
+                    )
+                )
+            )
+        for first, second in zip(nodes, nodes[1:], strict=False):
+            system.AddObject(
+                items.Cable2D(
+                    length=piece, massPerLength=DENSITY, bendingStiffness=RIGIDITY,
+                    axialStiffness=axial, nodeNumbers=[first, second],
+                    useReducedOrderIntegration=0,
+                )
+            )  # fmt: skip
+        links.append(nodes)
+        start, speed = start + LENGTH * along, speed + rate * LENGTH * across
+    return links
+
+
+def _joints(system: Any, links: list[list[Any]]) -> None:
+    ground = system.AddNode(items.NodePointGround())
+    fixed = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=ground, coordinate=0))
+    for axis in (0, 1):
+        shoulder = _coordinate(system, links[0][0], axis)
+        system.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, shoulder]))
+        _glue(system, links[0][-1], links[1][0], axis)
+
+
+def _coordinate(system: Any, node: Any, axis: int) -> Any:
+    return system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=axis))
+
+
+def _glue(system: Any, first: Any, second: Any, axis: int) -> None:
+    markers = [_coordinate(system, first, axis), _coordinate(system, second, axis)]
+    system.AddObject(items.CoordinateConstraint(markerNumbers=markers))
+
+
+def _payload(system: Any, tip: Any, mass: float) -> None:
+    reference = system.GetNode(tip)
+    node = system.AddNode(
+        items.NodePoint2D(
+            referenceCoordinates=list(reference["referenceCoordinates"][:2]),
+            initialVelocities=list(reference["initialVelocities"][:2]),
+        )
+    )
+    system.AddObject(items.MassPoint2D(physicsMass=mass, nodeNumber=node))
+    for axis in (0, 1):
+        _glue(system, tip, node, axis)
+
+
+def _torques(system: Any, links: list[list[Any]], case: Case) -> None:
+    places = ((links[0][0], 0, 1.0), (links[0][-1], 1, -1.0), (links[1][0], 1, 1.0))
+    for node, joint, sign in places:
+        marker = system.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
+
+        def torque(mbs: Any, time: float, load: Any, joint: int = joint, sign: float = sign) -> Any:
+            return [0.0, 0.0, sign * case.torque(time)[joint]]
+
+        system.AddLoad(
+            items.LoadTorqueVector(
+                markerNumber=marker, loadVector=[0.0, 0.0, 1.0], loadVectorUserFunction=torque
+            )
+        )
+
+
+def _measure(system: Any, links: list[list[Any]]) -> list[float]:
+    def place(node: Any) -> Array:
+        moved = system.GetNodeOutput(node, exu.OutputVariableType.Coordinates)
+        return np.asarray(moved) + np.asarray(system.GetNode(node)["referenceCoordinates"])
+
+    (shoulder, end), (elbow, tip) = ((place(nodes[0]), place(nodes[-1])) for nodes in links)
+    angles = [float(np.arctan2(p[3], p[2])) for p in (shoulder, end, elbow)]
+    bends = []
+    for first, last, angle in ((shoulder, end, angles[0]), (elbow, tip, angles[2])):
+        across = np.array([-np.sin(angle), np.cos(angle)])
+        bends.append(float(across @ (last[:2] - first[:2])))
+    return [angles[0], angles[2] - angles[1], float(tip[0]), float(tip[1]), *bends]
