@@ -4,6 +4,7 @@
 
 BIN := .venv/bin
 PYTEST_ARGS ?=
+SOAK_MINUTES ?= 30
 
 help:
 	@echo 'make run       the paper'\''s square with fls_tip: nodes, bag, metrics, pictures'
@@ -12,7 +13,7 @@ help:
 	@echo 'make paper     the paper'\''s ten cases, and its claims one by one'
 	@echo 'make bench     speed of the loop and of the nodes'
 	@echo 'make validate  the models against theory and reference solutions'
-	@echo 'make soak      a long run under load'
+	@echo 'make soak      runs back to back for SOAK_MINUTES (30), watched for growth'
 	@echo 'make env       .venv only (the others call it)'
 	@echo 'make lock      new versions into constraints.txt'
 
@@ -45,7 +46,7 @@ validate: env
 	@$(BIN)/flexarm validate
 
 soak: env
-	@$(BIN)/flexarm soak
+	@$(BIN)/python scripts/soak.py --minutes $(SOAK_MINUTES)
 
 lock:
 	@scripts/lock.sh
