@@ -45,6 +45,9 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
     def tick() -> int:
         return int(call("state").message.split("tick ")[1].split(",")[0])
 
+    def paused() -> bool:
+        return call("state").message.startswith("paused")
+
     done = []
     words = ("run", "pd_tip", "--set", "duration=1.0", "--rtf", "0.2", "--no-pictures",
              "--out", tmp_path / "run")  # fmt: skip
@@ -55,13 +58,14 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
         wait_for(lambda: tick() > 20, 60, "the run has begun")
         assert not call("step").success  # not paused
         assert call("pause", data=True).success
+        before = tick()
+        wait_for(paused, 10, "the plant says that it is paused")
         held = tick()
-        wait_for(lambda: "paused" in call("state").message, 10, "the plant says that it is paused")
-        assert tick() - held <= 1
-        held = tick()
+        assert held - before <= 1
         for _ in range(3):
             assert call("step").success
-        wait_for(lambda: tick() == held + 3, 10, "three steps")
+        wait_for(paused, 10, "the steps are done")
+        assert tick() == held + 3
         assert call("reset").success
         assert call("pause", data=False).success
         wait_for(lambda: tick() > held, 60, "the run goes on after the reset")

@@ -58,6 +58,6 @@ class Epochs:
             status = me.membership.status_of(role)
             if status is None or epoch_of(status) < self.number:
                 return False
-        for entry in me.inputs.values():
+        for entry in [*me.inputs.values(), *me.side_inputs]:
             entry.drain()
         return True

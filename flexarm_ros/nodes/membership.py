@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _FOREIGN_AFTER_S = 2.0
 """A publisher that has not introduced itself by then is somebody else's node."""
+_ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
 
 
 class Membership:
@@ -203,18 +204,18 @@ class Membership:
             if role in self.foreign:
                 continue
             status = self.status_of(role)
-            if status is None or status.phase not in (Phase.READY, Phase.RUNNING):
+            if status is None or status.phase in _ON_THE_WAY:
                 return False
             if epoch_of(status) != epoch:
                 return False
         return True
 
     def not_ready(self) -> list[str]:
-        """Return the roles that are still joining."""
+        """Return the roles that are still joining or resetting."""
         late = []
         for role in self.required():
             status = self.status_of(role)
-            if role not in self.foreign and (status is None or status.phase is Phase.JOINING):
+            if role not in self.foreign and (status is None or status.phase in _ON_THE_WAY):
                 late.append(role)
         return late
 

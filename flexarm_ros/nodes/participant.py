@@ -15,6 +15,7 @@ from flexarm_ros.nodes.graph import reads
 from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
 from flexarm_ros.nodes.parameters import declare_and_load, declare_own
+from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.status import Board, Phase
 from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
 
@@ -58,6 +59,8 @@ class Participant(Node):
         self.inputs: dict[str, Input] = {}
         self._missing: Input | None = None
         self.outputs: dict[str, Output] = {}
+        self.side_inputs: list[ProgressInput] = []
+        self.side_outputs: list[ProgressOutput] = []
         for topic in per_tick_topics(self.config):
             if topic.node == self.ROLE:
                 self.outputs[topic.name] = Output(self, topic)
@@ -288,7 +291,7 @@ class Participant(Node):
         from rclpy.duration import Duration
 
         deadline = time.monotonic() + 2.0
-        for output in self.outputs.values():
+        for output in [*self.outputs.values(), *self.side_outputs]:
             left = max(0.0, deadline - time.monotonic())
             output.publisher.wait_for_all_acked(Duration(seconds=left))
 

@@ -7,13 +7,11 @@ import time
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from std_msgs.msg import UInt64
-
 from flexarm_ros.core.plant import instability, make_plant
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.participant import Participant
+from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.run_control import RunControl
 from flexarm_ros.nodes.status import Phase
 
@@ -33,13 +31,10 @@ class PlantNode(Participant):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._recorded = self.create_subscription(
-            UInt64, RECORDED_TOPIC, lambda _: None, 1, callback_group=HOT,
-            qos_overriding_options=NO_OVERRIDES,
-        )  # fmt: skip
-        self._reached = self.create_publisher(
-            UInt64, TICK_TOPIC, 1, qos_overriding_options=NO_OVERRIDES
-        )
+        self._recorded = ProgressInput(self, RECORDED_TOPIC, "recorder")
+        self._reached = ProgressOutput(self, TICK_TOPIC)
+        self.side_inputs.append(self._recorded)
+        self.side_outputs.append(self._reached)
         holds = str(self.get_parameter("hold_at").value or "")
         self._holds = sorted(int(text) for text in holds.split(",") if text.strip())
         self._sent = False
@@ -56,7 +51,6 @@ class PlantNode(Participant):
         self._state = self.outputs["plant/state"]
         self._sent = False
         self._reported_hold = False
-        self._acknowledged = 0
 
     def rehearse(self) -> None:
         """Compile before the run."""
@@ -122,7 +116,7 @@ class PlantNode(Participant):
 
     def _send(self) -> None:
         if self.tick % TICK_EVERY == 0:
-            self._reached.publish(UInt64(data=self.tick))
+            self._reached.tell(self.tick)
         stamp = self.timeline.stamp_ns(self.tick)
         plant = self.plant
         d1, d2, rate1, rate2 = plant.deflections()
@@ -133,11 +127,9 @@ class PlantNode(Participant):
         """Whether the next tick must wait: for the launcher, the recorder, the wall clock."""
         if self._holds and self.tick >= self._holds[0]:
             return self._held_by_launcher()
-        if self.config.run.record and self.tick - self._acknowledged >= RECORDER_WINDOW:
-            taken = self._recorded.handle.take_message(UInt64, False)
-            if taken is not None and self.membership.sent_by("recorder", taken[1]):
-                self._acknowledged = taken[0].data
-            if self.tick - self._acknowledged >= RECORDER_WINDOW:
+        if self.config.run.record and self.tick - self._recorded.ticks >= RECORDER_WINDOW:
+            self._recorded.update()
+            if self.tick - self._recorded.ticks >= RECORDER_WINDOW:
                 return True
         return not self.control.may_begin(self.tick)
 

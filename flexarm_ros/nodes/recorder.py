@@ -6,14 +6,12 @@ import time
 from pathlib import Path
 from typing import Any, ClassVar
 
-from std_msgs.msg import UInt64
-
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import Recording, finish_run, free_directory, prepare_directory
-from flexarm_ros.nodes.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.graph import RECORDED_TOPIC
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.participant import Participant
+from flexarm_ros.nodes.progress import ProgressOutput
 
 _LOOK_S = 0.02
 """Wall time between two batches: the queues hold many ticks, waking at each would cost most."""
@@ -30,9 +28,8 @@ class RecorderNode(Participant):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._progress = self.create_publisher(
-            UInt64, RECORDED_TOPIC, 1, qos_overriding_options=NO_OVERRIDES
-        )
+        self._progress = ProgressOutput(self, RECORDED_TOPIC)
+        self.side_outputs.append(self._progress)
         self._name = str(self.get_parameter("name").value or "")
         self._recording: Recording | None = None
         self._first_wall: float | None = None
@@ -86,7 +83,7 @@ class RecorderNode(Participant):
         self._wall = now - self._first_wall
         self.tick = complete
         self.supervisor.report(self.ROLE, tick=complete)
-        self._progress.publish(UInt64(data=complete))
+        self._progress.tell(complete)
         self.check_end()
         return not self.finished
 

@@ -36,6 +36,8 @@ class RunControl:
         self._plant = plant
         self._lock = threading.Lock()
         self.paused = False
+        self._resting = False
+        """Paused, and the last tick that went out has been answered and integrated."""
         self._steps = 0
         self.reset_wanted = False
         self.rtf = float(plant.get_parameter("real_time_factor").value or 0.0)
@@ -57,7 +59,8 @@ class RunControl:
         """Whether ``tick`` may go out now: not paused, and due by the speed asked for."""
         if self.paused:
             with self._lock:
-                if not self._steps:
+                self._resting = not self._steps
+                if self._resting:
                     return False
                 self._steps -= 1
             self.begin(tick)
@@ -88,6 +91,7 @@ class RunControl:
     def pause(self, wanted: bool) -> None:
         """Hold the run before its next tick, or let it go on."""
         with self._lock:
+            self._resting = self._resting and wanted
             self.paused = wanted
             self._steps = 0
             self.begin(self._plant.tick)
@@ -98,12 +102,13 @@ class RunControl:
             if not self.paused:
                 return False
             self._steps += ticks
+            self._resting = False
         return True
 
     @property
     def stepping(self) -> bool:
-        """Whether ticks that were asked for are still to come."""
-        return self._steps > 0
+        """Whether a paused run has ticks to finish: those asked for, or the one that was out."""
+        return self.paused and not self._resting
 
     def _pause(self, request: Any, response: Any) -> Any:
         self.pause(bool(request.data))
@@ -128,7 +133,9 @@ class RunControl:
     def describe(self) -> str:
         """Return the state in a line."""
         plant = self._plant
-        word = "paused" if self.paused else plant.board.mine.phase.value
+        word = plant.board.mine.phase.value
+        if self.paused:
+            word = "stepping" if self.stepping else "paused"
         speed = f"{self.rtf:g} times real time" if self.rtf > 0.0 else "as fast as it goes"
         return f"{word} at tick {plant.tick}, {speed}"
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from std_msgs.msg import UInt64
-
 from flexarm_ros.core.trajectory import Reference
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import TICK_TOPIC
 from flexarm_ros.nodes.participant import Participant
+from flexarm_ros.nodes.progress import ProgressInput
 
 AHEAD = 128
 """Ticks that the reference is published before its time.
@@ -27,11 +25,8 @@ class TrajectoryNode(Participant):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._reached = self.create_subscription(
-            UInt64, TICK_TOPIC, lambda _: None, 1, callback_group=HOT,
-            qos_overriding_options=NO_OVERRIDES,
-        )  # fmt: skip
-        self._plant_tick = 0
+        self._reached = ProgressInput(self, TICK_TOPIC, "plant")
+        self.side_inputs.append(self._reached)
 
     def build(self) -> None:
         """Make the reference."""
@@ -42,14 +37,17 @@ class TrajectoryNode(Participant):
         """Compile before the run."""
         self._reference.command(0)
 
+    def check_start(self, now: float) -> None:
+        """Start when all are ready: who is still resetting would throw the first messages away."""
+        if self.membership.all_ready(self.epochs.number):
+            self.start()
+
     def advance(self) -> bool:
         """Publish references up to `AHEAD` ticks beyond the plant's."""
-        taken = self._reached.handle.take_message(UInt64, False)
-        if taken is not None and self.membership.sent_by("plant", taken[1]):
-            self._plant_tick = max(self._plant_tick, taken[0].data)
-        until = min(self._plant_tick + AHEAD, self.timeline.ticks)
+        news = self._reached.update()
+        until = min(self._reached.ticks + AHEAD, self.timeline.ticks)
         if self.tick >= until:
-            return taken is not None
+            return news
         for tick in range(self.tick, until):
             self._output.send(self.timeline.stamp_ns(tick), *self._reference.command(tick))
         self.tick = until

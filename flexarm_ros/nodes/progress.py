@@ -1,0 +1,61 @@
+"""How far a node has come, told on a side channel: a tick number now and then.
+
+Nobody waits for these at a tick.  The plant tells the trajectory how far the
+run is, the recorder tells the plant how much is in the bag.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rclpy.qos import QoSProfile
+from std_msgs.msg import UInt64
+
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
+
+if TYPE_CHECKING:
+    from flexarm_ros.nodes.participant import Participant
+
+_QOS = QoSProfile(depth=1)
+
+
+class ProgressOutput:
+    """Tells the readers of ``topic`` a number of ticks."""
+
+    def __init__(self, participant: Participant, topic: str) -> None:
+        self.publisher = participant.create_publisher(
+            UInt64, topic, _QOS, qos_overriding_options=NO_OVERRIDES
+        )
+
+    def tell(self, ticks: int) -> None:
+        """Publish ``ticks``."""
+        self.publisher.publish(UInt64(data=ticks))
+
+
+class ProgressInput:
+    """The largest number of ticks that the holder of ``role`` has told on ``topic``."""
+
+    def __init__(self, participant: Participant, topic: str, role: str) -> None:
+        self._participant = participant
+        self._role = role
+        self._subscription = participant.create_subscription(
+            UInt64, topic, lambda _: None, _QOS, callback_group=HOT,
+            qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self.handle = self._subscription.handle
+        self.ticks = 0
+
+    def update(self) -> bool:
+        """Take what has come; True where anything had."""
+        taken = self.handle.take_message(UInt64, False)
+        if taken is None:
+            return False
+        if self._participant.membership.sent_by(self._role, taken[1]):
+            self.ticks = max(self.ticks, taken[0].data)
+        return True
+
+    def drain(self) -> None:
+        """Forget what has come: a new run begins at 0."""
+        while self.handle.take_message(UInt64, False) is not None:
+            pass
+        self.ticks = 0
