@@ -16,6 +16,7 @@ from flexarm_ros.analysis import figures
 from flexarm_ros.analysis.figures import path_figure, signal_figure, write_figures
 from flexarm_ros.analysis.figures_corners import corner_figure
 from flexarm_ros.analysis.figures_fls import fls_figure, lambda_grid
+from flexarm_ros.analysis.figures_paper import paper_figures
 from flexarm_ros.analysis.figures_style import Panel, panels, styles
 from flexarm_ros.analysis.report_runs import RunError, load_run
 
@@ -86,7 +87,31 @@ def test_several_runs_are_grouped_as_in_the_paper(
     cases = ("pd_collocated", "pd_tip", "pd_mid", "fls_tip")
     written = write_figures([runs / case for case in cases], tmp_path)
     stems = {"paths", "corners", "signals_pd_9m", "signals_pd_6p75m", "signals_fls_9m", "fls"}
-    assert names(written) == stems
+    assert names(written) == stems | {"figure_2", "figure_3"}
+
+
+def test_the_paper_s_figures_have_a_picture_each_where_runs_show_them(runs: Path) -> None:
+    def stems(*cases: str) -> list[str]:
+        groups = panels([load_run(runs / case) for case in cases])
+        return [stem for stem, _ in paper_figures(groups)]
+
+    tip = [f"{law}_{case}" for law in ("pd", "fls") for case in ("collocated", "tip")]
+    assert stems(*tip) == ["figure_2", "figure_3", "figure_5", "figure_6"]
+    assert stems(*tip, "pd_mid", "fls_mid")[4:] == ["figure_7", "figure_8"]
+    assert stems("pd_collocated", "pd_tip", "fls_tip") == ["figure_2", "figure_3"]
+    assert stems("pd_collocated", "pd_tip") == []
+
+
+def test_the_paper_s_transients_are_its_switches(runs: Path) -> None:
+    cases = [f"{law}_{case}" for law in ("pd", "fls") for case in ("collocated", "tip", "mid")]
+    drawn = dict(paper_figures(panels([load_run(runs / case) for case in cases])))
+    for stem, place, switches in (("figure_6", "9 m", "21"), ("figure_8", "6.75 m", "23")):
+        shown = [axis for axis in drawn[stem].axes if axis.get_legend() is not None]
+        for axis, law, number in zip(shown, ("PD", "FLS"), switches, strict=True):
+            head, switch = axis.get_title().splitlines()
+            assert head == f"{law}, sensor at {place}"
+            assert switch.startswith(f"switch {number},")
+        assert shown[0].get_ylabel() == "y, m"
 
 
 def test_a_collocated_run_stands_beside_each_place_of_its_law(runs: Path) -> None:

@@ -41,7 +41,8 @@ def write_figures(run_dirs: Sequence[Path], out: Path) -> list[Path]:
 
     ``paths``, ``corners`` (where the reference switches its direction), ``signals``
     (``signals_LAW_PLACE`` for each group of several) and, where the law is the fuzzy one,
-    ``fls``; each as PNG and SVG.  Raises ``RunError`` where a directory is not a run.
+    ``fls``; with runs of both laws also ``figure_N`` for each figure of the paper that they show;
+    each as PNG and SVG.  Raises ``RunError`` where a directory is not a run.
     """
     import matplotlib
 
@@ -60,6 +61,11 @@ def write_figures(run_dirs: Sequence[Path], out: Path) -> list[Path]:
 
             fuzzy = next(group for group in groups if group.law == "fls")
             written += save(fls_figure(fuzzy.runs), out, "fls")
+        if len(groups) > 1:
+            from flexarm_ros.analysis.figures_paper import paper_figures
+
+            for stem, figure in paper_figures(groups):
+                written += save(figure, out, stem)
     return written
 
 

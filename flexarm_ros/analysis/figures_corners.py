@@ -29,9 +29,21 @@ BEFORE, AFTER = 0.1, 0.6
 """Part of the path around a direction switch that sets a zoomed picture's frame, s."""
 
 
-def corner_figure(groups: Sequence[Panel]) -> Figure:
-    """Return the transients at the reference's direction switches, zoomed (Figures 6, 8)."""
+def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) -> Figure:
+    """Return the transients at the reference's direction switches, zoomed (Figures 6, 8).
+
+    A row a group and a column a switch; with ``only``, side by side, one switch a group, counted
+    from 0.
+    """
     switches = [group_switches(group) for group in groups]
+    if only is not None:
+        figure = new_figure(3.9 * len(groups), 5.1)
+        figure.set_layout_engine("compressed")
+        axes = figure.subplots(1, len(groups), squeeze=False)[0]
+        for axis, group, index, times in zip(axes, groups, only, switches, strict=True):
+            _draw_corner(axis, group, index, times[index])
+        axes[0].set_ylabel("y, m")
+        return figure
     columns = max(1, *(len(times) for times in switches))
     figure = new_figure(3.5 * columns, 4.7 * len(groups))
     figure.set_layout_engine("compressed")
@@ -42,6 +54,7 @@ def corner_figure(groups: Sequence[Panel]) -> Figure:
                 _draw_corner(grid[row, column], group, column, times[column])
             else:
                 grid[row, column].set_visible(False)
+        grid[row, 0].set_ylabel("y, m")
     return figure
 
 
@@ -62,7 +75,7 @@ def _draw_corner(axis: Axes, group: Panel, index: int, time: float) -> None:
     axis.set_box_aspect(1.0)  # with limits of one size this is an equal scale
     axis.set_xlim(low_x, high_x)
     axis.set_ylim(low_y, high_y)
-    axis.set(xlabel="x, m", ylabel="y, m" if index == 0 else "")
+    axis.set(xlabel="x, m")
     axis.set_title(f"{panel_title(group)}\nswitch {index + 1}, t = {time:g} s", fontsize=9)
     if len(group.runs) > 1:
         _draw_peak(axis, group, time)

@@ -50,14 +50,32 @@ def fls_figure(runs: Sequence[Run]) -> Figure:
     """Return the paper's Figures 2 and 3, lambda's surface, and where fuzzy runs used it."""
     kn = gain_kn(runs)
     figure = new_figure(9.6, 7.6)
-    _draw_sets(figure.add_subplot(2, 2, 1), INPUT_SETS, kn)
-    _draw_sets(figure.add_subplot(2, 2, 2), OUTPUT_SETS, 1.0)
-    inputs, outputs, *_ = figure.axes
-    inputs.set(title="Inputs", xlabel=r"deflection $\delta_1$ or $\delta_2$, m")
-    outputs.set(title="Output", xlabel=r"gain $\lambda$")
+    _draw_inputs(figure.add_subplot(2, 2, 1), kn)
+    _draw_output(figure.add_subplot(2, 2, 2))
     _draw_surface(figure, kn)
     _draw_map(figure.add_subplot(2, 2, 4), runs, kn)
     return figure
+
+
+def sets_figure(which: str, kn: float) -> Figure:
+    """Return the paper's Figure 2 (``which``: ``inputs``) or Figure 3 (``output``)."""
+    figure = new_figure(4.8, 3.4)
+    axis = figure.add_subplot()
+    if which == "inputs":
+        _draw_inputs(axis, kn)
+    else:
+        _draw_output(axis)
+    return figure
+
+
+def _draw_inputs(axis: Axes, kn: float) -> None:
+    _draw_sets(axis, INPUT_SETS, kn)
+    axis.set(title="Inputs", xlabel=r"deflection $\delta_1$ or $\delta_2$, m")
+
+
+def _draw_output(axis: Axes) -> None:
+    _draw_sets(axis, OUTPUT_SETS, 1.0)
+    axis.set(title="Output", xlabel=r"gain $\lambda$")
 
 
 def _draw_sets(axis: Axes, sets: Feet, scale: float) -> None:

@@ -41,6 +41,11 @@ def text(value: Any) -> str:
     return escape(shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + "…")
 
 
+def _breakable(name: str) -> str:
+    """Return a run's name as HTML that breaks after its underscores, not inside its words."""
+    return text(name).replace("_", "_<wbr>")
+
+
 def _scroll(table: str, label: str) -> str:
     return (
         f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">{table}</div>'
@@ -49,7 +54,7 @@ def _scroll(table: str, label: str) -> str:
 
 def _run_heads(runs: Sequence[Run]) -> str:
     return "".join(
-        f'<th scope="col">{text(label)}<span class="name">{text(run.name)}</span></th>'
+        f'<th scope="col">{text(label)}<span class="name">{_breakable(run.name)}</span></th>'
         for run, label in zip(runs, labels(runs), strict=True)
     )
 

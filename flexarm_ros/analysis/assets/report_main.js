@@ -118,7 +118,9 @@ function buildValues() {
     const name = html("th", null, head);
     name.scope = "col";
     swatch(run, name);
-    html("span", run.name, name, "name");
+    const shown = html("span", null, name, "name");
+    // It breaks after underscores, not inside words.
+    for (const part of run.name.split(/(?<=_)/)) shown.append(part, document.createElement("wbr"));
   }
   for (const [, label] of VALUES) {
     const row = html("tr", null, body);

@@ -1,0 +1,52 @@
+"""The paper's own figures, one picture each, where the runs at hand can show them.
+
+Figures 2 and 3 (membership functions) want a fuzzy run; 5 and 7 (paths) and 6 and 8 (the
+transients that the paper zooms into) want, for the tip and for 2.25 m along link 2, at least two
+of the three cases of both laws.  Figures 1 and 4 are drawings of the arm and of the control loop;
+``docs/model.md`` has both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from flexarm_ros.analysis.figures_corners import corner_figure
+from flexarm_ros.analysis.figures_fls import gain_kn, sets_figure
+from flexarm_ros.analysis.figures_style import Panel, group_switches
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PLACES = {9.0: ("figure_5", "figure_6", (1, 0)), 6.75: ("figure_7", "figure_8", (1, 2))}
+"""Place of the sensor, m -> stems of paths and of transients, the switches zoomed for PD, FLS."""
+
+LAWS = ("pd", "fls")
+LEAST_CASES = 2
+
+
+def paper_figures(groups: Sequence[Panel]) -> Iterator[tuple[str, Figure]]:
+    """Yield the stem and the picture of each figure of the paper that the groups can show."""
+    from flexarm_ros.analysis.figures import path_figure
+
+    fuzzy = [run for group in groups for run in group.runs if run.law == "fls"]
+    if fuzzy:
+        kn = gain_kn(fuzzy)
+        yield "figure_2", sets_figure("inputs", kn)
+        yield "figure_3", sets_figure("output", kn)
+    for place, (paths, transients, switches) in PLACES.items():
+        pair = [group for law in LAWS for group in groups if _shows(group, law, place)]
+        if len(pair) < len(LAWS):
+            continue
+        yield paths, path_figure(pair)
+        if all(len(group_switches(group)) > max(switches) for group in pair):
+            yield transients, corner_figure(pair, switches)
+
+
+def _shows(group: Panel, law: str, place: float) -> bool:
+    return (
+        group.law == law
+        and group.location is not None
+        and abs(group.location - place) < 1e-9
+        and len({run.role for run in group.runs if run.role}) >= LEAST_CASES
+    )
