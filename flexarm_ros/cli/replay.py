@@ -17,9 +17,13 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "replay",
         help="publish a recorded run again",
-        description="Publish every message of RUN (its directory or the bag in it) again, with "
-        "/clock, in the recorded order. While it plays, the services /player/pause, resume, "
-        "play_next and toggle_paused and the parameter rate of /player steer it.",
+        usage="flexarm replay RUN [options]",
+        description="Publish every message of RUN (its directory, the bag in it or the .mcap "
+        "file) again, with /clock, in the recorded order. While it plays, the services "
+        "/player/pause, resume, play_next and toggle_paused and the parameter rate of /player "
+        "steer it.",
+        epilog="Exit status: 0 played; 1 the bag is damaged, or the controller did not answer; "
+        "2 bad usage.",
     )
     parser.add_argument("run", metavar="RUN")
     parser.add_argument(
@@ -32,8 +36,9 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--loop", action="store_true", help="start again at the end")
     parser.add_argument("--paused", action="store_true", help="start paused")
     parser.add_argument(
-        "--topics", nargs="+", default=[], metavar="TOPIC", help="only these (default: all)"
-    )
+        "--topics", nargs="+", default=[], metavar="TOPIC",
+        help="only these, and /clock (default: all)",
+    )  # fmt: skip
     parser.add_argument(
         "--without", choices=("controller",), default="",
         help="leave the torque to your own controller, in lock-step",
@@ -49,7 +54,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the run; 0, 1 where a controller did not answer, 2 for a bad bag or option."""
+    """Play the run; 0, 1 if it broke off, 2 for a bad bag or option, 130 or 143 after a signal."""
     if importlib.util.find_spec("rclpy") is None:
         raise UsageError("rclpy is not installed: run `make env`, or source a ROS 2 installation")
     if args.domain is not None:
@@ -73,7 +78,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _rate(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text}: a number from 0")
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f"{text}: a number from 0 to 1e6")
     return value

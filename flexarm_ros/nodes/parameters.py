@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters import SECTIONS, RunConfig, RunParameters, Spec, specs
 
-_OF_ROS = ("qos_overrides.", "use_sim_time", "start_type_description")
+OF_ROS = ("qos_overrides.", "use_sim_time", "start_type_description")
 """Parameters that every node has."""
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _overrides(own: dict[str, str], node: Participant, role: str) -> Iterator[st
     """Yield ``section.key=value`` for what the command line sets of the scenario."""
     common, known = specs(RunParameters), specs(SECTIONS[role]) if role in SECTIONS else {}
     for key, value in own.items():
-        if key in node.OWN_PARAMETERS or key.startswith(_OF_ROS):
+        if key in node.OWN_PARAMETERS or key.startswith(OF_ROS):
             continue
         section = "/**" if key in common and key not in known else role
         yield f"{section}.{key}={value}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from flexarm_ros.bag.topics import per_tick_topics
@@ -27,8 +28,10 @@ class ControllerSeat:
     ``joint_command`` will do as well.
     """
 
-    def __init__(self, player: PlayerNode, config: RunConfig) -> None:
-        self._player = player
+    def __init__(
+        self, player: PlayerNode, config: RunConfig, limit_s: float, stopped: Callable[[], bool]
+    ) -> None:
+        self._player, self._limit, self._stopped = player, limit_s, stopped
         self._topic = per_tick_topics(config)[-1]
         self._kind = message_class(self._topic.type_name)
         self._subscription = player.create_subscription(
@@ -39,15 +42,16 @@ class ControllerSeat:
         self._boards = {role: Board(player, role) for role in ROLES if role not in ("controller",)}
         for role, board in self._boards.items():
             board.publish(parameters=dump_sections(config, role), phase=Phase.READY)
-        self._limit = float(player.get_parameter("tick_timeout").value or 5.0)
         self._largest = 0.0
         self._equal = self._answered = 0
 
     def wait_for_controller(self) -> None:
-        """Wait until a controller is connected; RunFailed after a minute."""
+        """Wait until a controller is connected, or the player stopped; RunFailed after a minute."""
         deadline = time.monotonic() + 60.0
         board, seen = self._boards["plant"], 0.0
-        while time.monotonic() < deadline and self._player.context.ok():
+        while time.monotonic() < deadline:
+            if self._stopped():
+                return
             board.update()
             held = [s for s in board.of("controller") if not s.phase.over]
             if any(s.phase in (Phase.READY, Phase.RUNNING) for s in held):
@@ -63,18 +67,25 @@ class ControllerSeat:
 
     def answer(self, tick: int, recorded: bytes | None) -> None:
         """Wait for the torque of ``tick`` and compare it with the recorded one."""
-        stamp = self._player.timeline.stamp_ns(tick)
+        stamp, other = self._player.timeline.stamp_ns(tick), ""
         deadline = time.monotonic() + self._limit
-        while (left := deadline - time.monotonic()) > 0.0:
+        while (left := deadline - time.monotonic()) > 0.0 and not self._stopped():
             taken = self._subscription.handle.take_message(self._kind, True)
             if taken is None:
                 self._waiter.wait([self._subscription.handle], int(min(left, 0.1) * 1e9))
                 continue
-            came, torque = self._topic.codec.decode_any(taken[0])
+            try:
+                came, torque = self._topic.codec.decode_any(taken[0])
+            except ValueError as error:
+                raise RunFailed("controller", f"tick {tick}: {self._topic.name}: {error}") from None
             if came == stamp:
                 self._compare(torque, recorded)
                 return
-        raise RunFailed("controller", f"tick {tick}: no torque within {self._limit:g} s")
+            other = f"; one with stamp {came} ns came, due is {stamp} ns"
+        if not self._stopped():
+            raise RunFailed(
+                "controller", f"tick {tick}: no joint_command within {self._limit:g} s{other}"
+            )
 
     def _compare(self, torque: tuple[float, ...], recorded: bytes | None) -> None:
         self._answered += 1
@@ -93,8 +104,9 @@ class ControllerSeat:
             f"largest difference {self._largest:.6g} N m"
         )
 
-    def leave(self, ticks: int) -> None:
-        """Tell the controller that the run is over."""
+    def leave(self, ticks: int, problem: str = "") -> None:
+        """Tell the controller that the run is over, and what broke it off if anything did."""
+        phase = Phase.FAILED if problem else Phase.DONE
         for board in self._boards.values():
-            board.publish(phase=Phase.DONE, last_tick=ticks - 1)
+            board.publish(phase=phase, last_tick=ticks - 1, text=problem)
             board.flush(1.0)

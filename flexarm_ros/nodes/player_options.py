@@ -1,0 +1,90 @@
+"""Parameters of the node ``player``: declared, read and checked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+
+from flexarm_ros.nodes.parameters import OF_ROS, assignments
+
+PARAMETERS: dict[str, tuple[Any, str]] = {
+    "bag": ("", "the run: its directory, or the bag in it"),
+    "rate": (1.0, "multiple of real time; 0: as fast as it goes; may change while playing"),
+    "start": (0.0, "simulated time to start from [s]"),
+    "loop": (False, "start again at the end"),
+    "paused": (False, "wait for the service ~/resume or ~/play_next before the first tick"),
+    "topics": ("", "topics to publish beside /clock, comma separated; empty: all"),
+    "without": ("", "controller: leave the torque to another node, in lock-step"),
+    "delay": (1.0, "wall time to wait for subscribers before the first message [s]"),
+    "tick_timeout": (5.0, "wall time that the controller may take to answer a tick [s]"),
+}
+MOST = 1e6
+"""Largest value of a parameter that is a number."""
+
+
+class PlayerError(Exception):
+    """A parameter of the player that cannot be; one line."""
+
+
+@dataclass(frozen=True)
+class PlayerOptions:
+    """What the player is to do; see `PARAMETERS` for the fields."""
+
+    bag: str
+    rate: float
+    start: float
+    loop: bool
+    paused: bool
+    topics: tuple[str, ...]
+    without: str
+    delay: float
+    tick_timeout: float
+
+
+def declare(node: Node, argv: list[str]) -> PlayerOptions:
+    """Declare the parameters on ``node`` and return their values.
+
+    Integers are taken where a number is due.  Raises PlayerError, one line.
+    """
+    for name, _ in assignments(argv, node.get_name()):
+        if name not in PARAMETERS and not name.startswith(OF_ROS):
+            raise PlayerError(f"unknown parameter '{name}' (allowed: {', '.join(PARAMETERS)})")
+    values: dict[str, Any] = {}
+    for name, (default, doc) in PARAMETERS.items():
+        descriptor = ParameterDescriptor(
+            description=doc,
+            read_only=name != "rate",
+            dynamic_typing=True,  # rcl tells 2 from 2.0; the user need not
+        )
+        value = node.declare_parameter(name, default, descriptor).value
+        values[name] = _checked(name, value, default)
+    values["topics"] = tuple(word.strip() for word in values["topics"].split(",") if word.strip())
+    options = PlayerOptions(**values)
+    if not options.bag:
+        raise PlayerError("bag: missing; give a run's directory or the bag in it")
+    if options.without not in ("", "controller"):
+        raise PlayerError(f"without: '{options.without}' is not allowed: controller, or empty")
+    if options.without and options.loop:
+        raise PlayerError("loop: true is not allowed with without: a controller runs once")
+    return options
+
+
+def number(name: str, value: Any) -> float:
+    """Return a parameter that is a number from 0 to `MOST`; PlayerError if it is none."""
+    fits = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not fits or not math.isfinite(value) or not 0.0 <= value <= MOST:
+        raise PlayerError(f"{name}: {value!r} is not allowed: a number from 0 to {MOST:g}")
+    return float(value)
+
+
+def _checked(name: str, value: Any, default: Any) -> Any:
+    if isinstance(default, float):
+        return number(name, value)
+    if not isinstance(value, type(default)):
+        kind = "true or false" if isinstance(default, bool) else "a text"
+        raise PlayerError(f"{name}: {value!r} is not allowed: {kind}")
+    return value
