@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +37,8 @@ def start(
     period: float = 1e-3,
 ) -> Plant:
     """Return a plant with straight links at these joint angles (rad) and rates (rad/s)."""
-    config = RunConfig(run=RunParameters(control_period=period), plant=plant)
-    arm = make_plant(config)
-    q, qd = np.zeros_like(arm.q), np.zeros_like(arm.qd)
-    q[:2], qd[:2] = angles, rates
-    arm.set_state(q, qd)
-    return arm
+    posed = replace(plant, initial_position=angles, initial_velocity=rates)
+    return make_plant(RunConfig(run=RunParameters(control_period=period), plant=posed))
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,28 @@
-"""What every section gives: Markdown tables, and checks that must hold."""
+"""What every section gives: Markdown tables, pictures, and goals that are met or not."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
+
+
+class Goal(NamedTuple):
+    """One line of the summary; ``measured`` and ``limit`` as they are to be printed."""
+
+    what: str
+    measured: str
+    limit: str
+    met: bool
 
 
 @dataclass
 class Section:
-    """Text as Markdown, and the checks that failed."""
+    """Text as Markdown, and the goals that it judges."""
 
     title: str
     lines: list[str] = field(default_factory=list)
-    failed: list[str] = field(default_factory=list)
+    goals: list[Goal] = field(default_factory=list)
 
     def say(self, text: str) -> None:
         """Add a paragraph."""
@@ -25,12 +35,19 @@ class Section:
         self.lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
         self.lines.append("")
 
-    def check(self, holds: bool, what: str) -> None:
-        """Note a check that does not hold."""
-        if not holds:
-            self.failed.append(what)
+    def goal(self, what: str, measured: str, limit: str, met: bool) -> None:
+        """Judge a goal."""
+        self.goals.append(Goal(what, measured, limit, bool(met)))
 
     def text(self) -> str:
-        """Return the section as Markdown."""
-        failures = [f"**Does not hold: {what}**" for what in self.failed]
-        return "\n".join([f"## {self.title}", "", *self.lines, *failures])
+        """Return the section as Markdown, without its title."""
+        return "\n".join(self.lines).rstrip("\n")
+
+
+def goals_table(goals: Iterable[Goal]) -> list[str]:
+    """Return the lines of the summary's table."""
+    lines = ["| goal | measured | limit | |", "|---|---|---|---|"]
+    for goal in goals:
+        verdict = "met" if goal.met else "**not met**"
+        lines.append(f"| {goal.what} | {goal.measured} | {goal.limit} | {verdict} |")
+    return lines

@@ -1,0 +1,266 @@
+"""The full model against its definition, conservation laws, theory and convergence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from flexarm_ros.core.parameters import PlantParameters, RunConfig, RunParameters
+from flexarm_ros.core.plant import STABLE_PHASE, highest_frequency, instability, make_plant
+from flexarm_ros.core.plant_full import FullPlant, mass_matrix
+from flexarm_ros.core.plant_full_dynamics import make_work, mass_and_bias
+from flexarm_ros.core.plant_full_model import link_bases, make_constants
+from validation import conservation, rotation
+from validation.motion import full_plant, start
+
+LOADED = PlantParameters(
+    model="full",
+    modes=3,
+    length=(4.0, 5.0),
+    mass_density=(0.4, 0.3),
+    flexural_rigidity=(1500.0, 2000.0),
+    hub_inertia=(3.0, 2.0),
+    payload_mass=0.7,
+    payload_inertia=0.2,
+    link_end_mass=0.5,
+    link_end_inertia=0.1,
+)
+
+
+class Points:
+    """Every mass of the arm as points in the plane: where they are, from the map's definition."""
+
+    def __init__(self, plant: PlantParameters, nodes: int = 40) -> None:
+        self.plant = plant
+        rule, weights = np.polynomial.legendre.leggauss(nodes)
+        xi, self.weights = np.append(0.5 * (rule + 1.0), 1.0), 0.5 * weights
+        self.shapes = []
+        for link, basis in enumerate(link_bases(plant)):
+            length = plant.length[link]
+            phi, end_slope = basis.shape(xi), basis.shape(1.0, 1)[:, 0] / length
+            short = np.array([basis.shortening(x) for x in xi]) / length
+            self.shapes.append((xi * length, phi, short, end_slope))
+
+    def places(self, q: np.ndarray) -> np.ndarray:
+        """x, y of link 1's points and then of link 2's, each link's end last, ``(points, 2)``."""
+        n, found = self.plant.modes, []
+        base, angle = np.zeros(2), 0.0
+        for link, (s, phi, short, slope) in enumerate(self.shapes):
+            angle += q[link]
+            a = q[2 + link * n : 2 + (link + 1) * n]
+            along = s - 0.5 * np.einsum("i,qij,j->q", a, short, a)
+            across = a @ phi
+            axis = np.array([math.cos(angle), math.sin(angle)])
+            normal = np.array([-axis[1], axis[0]])
+            found.append(base + np.outer(along, axis) + np.outer(across, normal))
+            base, angle = found[-1][-1], angle + slope @ a
+        return np.concatenate(found)
+
+    def masses(self) -> np.ndarray:
+        plant = self.plant
+        ends = (plant.link_end_mass, plant.payload_mass)
+        parts = [
+            np.append(plant.mass_density[i] * plant.length[i] * self.weights, ends[i])
+            for i in (0, 1)
+        ]
+        return np.concatenate(parts)
+
+    def turning(self) -> list[tuple[float, np.ndarray]]:
+        """What turns: inertia, and its rate as a row over q' (constant rows, all of them)."""
+        n, plant = self.plant.modes, self.plant
+        size = 2 + 2 * n
+        first, second = np.zeros(size), np.zeros(size)
+        first[0], first[2 : 2 + n] = 1.0, self.shapes[0][3]
+        second[:] = first
+        second[1], second[2 + n :] = 1.0, self.shapes[1][3]
+        return [
+            (plant.hub_inertia[0], np.eye(size)[0]),
+            (plant.hub_inertia[1], np.eye(size)[1]),
+            (plant.link_end_inertia, first),
+            (plant.payload_inertia, second),
+        ]
+
+    def jacobian(self, q: np.ndarray, h: float = 1e-5) -> np.ndarray:
+        """d places / d q, ``(points, 2, n)``, by central differences of fourth order."""
+        columns = []
+        for unit in np.eye(len(q)):
+            one = self.places(q + h * unit) - self.places(q - h * unit)
+            two = self.places(q + 2 * h * unit) - self.places(q - 2 * h * unit)
+            columns.append((8.0 * one - two) / (12.0 * h))
+        return np.stack(columns, axis=-1)
+
+
+def state(plant: PlantParameters, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng, n = np.random.default_rng(seed), plant.modes
+    q, qd = rng.normal(size=2 + 2 * n), rng.normal(size=2 + 2 * n)
+    size = np.tile(0.3 / np.arange(1, n + 1) ** 2, 2)
+    q[2:], qd[2:] = q[2:] * size, qd[2:] * size
+    return q, qd
+
+
+@pytest.mark.parametrize("basis", ["arm_modes", "craig_bampton", "clamped_free"])
+@pytest.mark.parametrize("loaded", [False, True])
+def test_mass_matrix_and_bias_are_those_of_the_moving_points(basis: str, loaded: bool) -> None:
+    """sum m J' (J q'' + J' q') = tau - K q for points that move as the map says, at any state."""
+    plant = replace(LOADED if loaded else full_plant(modes=2), basis=basis)
+    points, n = Points(plant), plant.modes
+    q, qd = state(plant, 3)
+    jacobian, masses = points.jacobian(q), points.masses()
+    mass = np.einsum("p,pxi,pxj->ij", masses, jacobian, jacobian)
+    for inertia, row in points.turning():
+        mass += inertia * np.outer(row, row)
+    assert mass_matrix(plant, q) == pytest.approx(mass, rel=1e-7, abs=1e-7)
+
+    # What remains of the points' accelerations when q'' = 0, by the second difference in time.
+    h = 1e-3
+    near = points.places(q + h * qd) + points.places(q - h * qd)
+    far = points.places(q + 2 * h * qd) + points.places(q - 2 * h * qd)
+    rest = (16.0 * near - far - 30.0 * points.places(q)) / (12.0 * h * h)
+    bias = np.einsum("p,pxi,px->i", masses, jacobian, rest)
+    found, lower = np.zeros(2 + 2 * n), np.zeros((2 + 2 * n,) * 2)
+    mass_and_bias(make_constants(plant), q, qd, lower, found, make_work(n))
+    assert found == pytest.approx(bias, rel=1e-6, abs=1e-6)
+
+
+def test_momentum_is_the_angular_momentum_about_the_shoulder() -> None:
+    plant = full_plant(modes=3)
+    points, (q, qd) = Points(plant), state(plant, 8)
+    arm = start(plant, (0.0, 0.0))
+    assert isinstance(arm, FullPlant)
+    arm.set_state(q, qd)
+    place, velocity = points.places(q), points.jacobian(q) @ qd
+    spin = points.masses() @ (place[:, 0] * velocity[:, 1] - place[:, 1] * velocity[:, 0])
+    assert arm.momentum() == pytest.approx(float(spin), rel=1e-8)
+    kinetic = 0.5 * points.masses() @ np.sum(velocity**2, axis=1)
+    arm.set_state(q, 0.0 * qd)
+    elastic = arm.energy()
+    arm.set_state(q, qd)
+    assert arm.energy() - elastic == pytest.approx(float(kinetic), rel=1e-8)
+
+
+@pytest.mark.parametrize("modes", [1, 4])
+def test_energy_and_momentum_stay_in_free_motion(modes: int) -> None:
+    plant = full_plant(modes=modes)
+    assert max(conservation.drift(plant, pulse=20.0)) < 1e-6
+
+
+def test_energy_and_momentum_stay_with_hubs_payload_and_unequal_links() -> None:
+    assert max(conservation.drift(LOADED, pulse=20.0)) < 1e-6
+
+
+def test_work_and_impulse_are_balanced() -> None:
+    energy, momentum = conservation.balance(full_plant(modes=3))
+    assert energy < 1e-6
+    assert momentum < 1e-6
+
+
+def test_eq14_conserves_neither() -> None:
+    energy, momentum = conservation.eq14_drift(PlantParameters(modes=1))
+    assert energy > 0.01
+    assert momentum > 0.01
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0, 6.0, 12.0])
+def test_a_rotating_link_stiffens_as_published(speed: float) -> None:
+    """Wright et al. 1982; without the foreshortening the first one falls instead."""
+    found = rotation.lead_lag(speed, modes=6)
+    assert found == pytest.approx(rotation.published(speed), rel=rotation.LIMIT)
+    assert rotation.ritz(speed) == pytest.approx(rotation.published(speed), rel=5e-5)
+    assert found[0] > 3.516
+    assert rotation.lead_lag(speed, modes=6, foreshortening=False)[0] < 3.516
+
+
+def test_very_stiff_links_move_as_rigid_ones() -> None:
+    """The double pendulum without gravity in closed form, one step of it."""
+    plant = full_plant(modes=1, flexural_rigidity=(1e9, 1e9))
+    run = RunParameters(control_period=1e-5, duration=1.0)
+    arm = make_plant(RunConfig(run=run, plant=replace(plant, initial_position=(0.3, 0.9))))
+    torque, ticks = np.array([30.0, -12.0]), 40_000
+    m, length, h = 0.335 * 4.5, 4.5, 1e-4
+
+    def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        inertia = m * length**2
+        c, s = 0.5 * inertia * math.cos(x[1]), 0.5 * inertia * math.sin(x[1])
+        mass = np.array(
+            [[5 * inertia / 3 + 2 * c, inertia / 3 + c], [inertia / 3 + c, inertia / 3]]
+        )
+        swirl = np.array([-s * v[1] * (2 * v[0] + v[1]), s * v[0] ** 2])
+        return np.linalg.solve(mass, torque - swirl)
+
+    x, v = np.array([0.3, 0.9]), np.zeros(2)
+    for _ in range(4000):
+        k1 = acceleration(x, v)
+        k2 = acceleration(x + h / 2 * v, v + h / 2 * k1)
+        k3 = acceleration(x + h / 2 * (v + h / 2 * k1), v + h / 2 * k2)
+        k4 = acceleration(x + h * (v + h / 2 * k2), v + h * k3)
+        x, v = x + h * v + h * h / 6 * (k1 + k2 + k3), v + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    for _ in range(ticks):
+        arm.step(*torque)
+    assert arm.q[:2] == pytest.approx(x, abs=2e-6)
+
+
+def test_modal_damping_decays_at_its_ratio() -> None:
+    """One link between locked... a huge hub: its first coordinate as a damped oscillator."""
+    plant = full_plant(
+        modes=1, basis="clamped_free", hub_inertia=(1e12, 1e12), damping_ratio=0.02,
+        length=(4.5, 0.1), mass_density=(0.335, 1e-9), flexural_rigidity=(1676.0, 1e-4),
+    )  # fmt: skip
+    arm = start(plant, (0.0, 0.0))
+    q = np.zeros(4)
+    q[2] = 1e-4
+    arm.set_state(q, np.zeros(4))
+    omega, zeta = 12.28119, 0.02
+    fast = omega * math.sqrt(1.0 - zeta**2)
+    for _ in range(1000):
+        arm.step(0.0, 0.0)
+    expected = math.exp(-zeta * omega) * (
+        math.cos(fast) + zeta / math.sqrt(1.0 - zeta**2) * math.sin(fast)
+    )
+    assert arm.q[2] == pytest.approx(1e-4 * expected, rel=1e-4)
+
+
+def test_runge_kutta_is_of_fourth_order() -> None:
+    def end(substeps: int) -> np.ndarray:
+        plant = replace(full_plant(modes=2), substeps=substeps, damping_ratio=0.01)
+        config = RunConfig(run=RunParameters(control_period=0.01), plant=plant)
+        arm = make_plant(config)
+        arm.set_state([0.2, 1.0, 0.1, 0.02, -0.1, 0.01], [0.5, -1.0, 0.0, 0.1, 0.1, 0.0])
+        for _ in range(20):
+            arm.step(20.0, -10.0)
+        return np.concatenate([arm.q, arm.qd])
+
+    exact = end(1024)
+    errors = [np.linalg.norm(end(n) - exact) for n in (16, 32, 64)]
+    orders = [math.log2(a / b) for a, b in zip(errors, errors[1:], strict=False)]
+    assert orders == pytest.approx([4.0, 4.0], abs=0.25)
+
+
+def test_too_few_substeps_are_refused_and_the_least_allowed_are_stable() -> None:
+    plant = full_plant(modes=6)
+    config = RunConfig(plant=plant)
+    highest = highest_frequency(config)
+    least = math.ceil(highest * 0.001 / STABLE_PHASE)
+    assert least > 1
+    with pytest.raises(ValueError, match=rf"^plant.substeps: {least - 1} .*allowed: {least} or"):
+        make_plant(replace(config, plant=replace(plant, substeps=least - 1)))
+    arm = start(replace(plant, substeps=least), (0.0, 1.0), (1.0, -0.5))
+    for _ in range(2000):
+        arm.step(0.0, 0.0)
+    assert instability(arm) is None
+    assert abs(arm.deflections()[0]) < 0.5
+
+
+def test_the_highest_frequency_is_that_of_the_mass_matrix() -> None:
+    """Over elbow angles that the search itself does not visit."""
+    plant = replace(LOADED, modes=4)
+    stiffness = np.diag(np.concatenate([[0.0, 0.0], make_constants(plant).vectors[:, 4].ravel()]))
+    rates = []
+    for theta2 in np.linspace(0.0, 2.0 * math.pi, 173):
+        q = np.zeros(10)
+        q[1] = theta2
+        rates.append(math.sqrt(eigh(stiffness, mass_matrix(plant, q), eigvals_only=True)[-1]))
+    assert max(rates) == pytest.approx(highest_frequency(RunConfig(plant=plant)), rel=5e-3)
