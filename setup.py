@@ -53,10 +53,22 @@ REQUIREMENTS = [
     "zstandard",
 ]
 
+# Sphinx with Markdown pages; latex2mathml turns formulas into MathML, so that no page needs a
+# script from elsewhere.
+DOCS = ["furo", "latex2mathml", "myst-parser", "sphinx"]
+# What `import flexarm_ros` can hand its results to.
+NOTEBOOK = ["control", "gymnasium", "pandas", "xarray"]
+
 EXTRAS = {
     # rclpy and the messages as wheels, for a machine without a ROS 2 install.
     "ros": ["ros-rclpy[fastrtps]>=7.1", "ros-common-interfaces"],
-    "dev": ["hypothesis", "mypy", "pytest", "ruff", "types-PyYAML"],
+    "dev": ["hypothesis", "mypy", "pytest", "ruff", "types-PyYAML", *DOCS, *NOTEBOOK],
+    "docs": DOCS,
+    "notebook": NOTEBOOK,
+    "pandas": ["pandas"],
+    "xarray": ["xarray"],
+    "control": ["control"],
+    "gymnasium": ["gymnasium"],
     "dask": ["distributed"],
     "parquet": ["pyarrow"],
     "colcon": ["colcon-common-extensions"],

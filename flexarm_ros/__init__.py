@@ -1,1 +1,66 @@
-"""A two-link flexible space robot as ROS 2 nodes in lock-step; see README.md."""
+"""A two-link flexible space robot as ROS 2 nodes in lock-step; see README.md.
+
+For notebooks and scripts, without ROS::
+
+    import flexarm_ros as fa
+
+    run = fa.simulate("fls_tip", plant={"hub_inertia": [10, 10]})
+    run.trajectory["theta1"], run.summary["rms_error"], run.plot()
+
+The names in ``__all__`` are stable; each is loaded when it is first used, so that importing the
+package itself costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flexarm_ros.api.environment import FlexArmEnv
+    from flexarm_ros.api.linear import linear_law, linearize
+    from flexarm_ros.api.pictures import plot, report
+    from flexarm_ros.api.run import Run, load
+    from flexarm_ros.api.simulation import configure, simulate
+    from flexarm_ros.scenario import ScenarioError
+
+__all__ = [
+    "FlexArmEnv",
+    "Run",
+    "ScenarioError",
+    "configure",
+    "linear_law",
+    "linearize",
+    "load",
+    "plot",
+    "report",
+    "simulate",
+]
+
+_HOMES = {
+    "FlexArmEnv": "flexarm_ros.api.environment",
+    "Run": "flexarm_ros.api.run",
+    "ScenarioError": "flexarm_ros.scenario",
+    "configure": "flexarm_ros.api.simulation",
+    "linear_law": "flexarm_ros.api.linear",
+    "linearize": "flexarm_ros.api.linear",
+    "load": "flexarm_ros.api.run",
+    "plot": "flexarm_ros.api.pictures",
+    "report": "flexarm_ros.api.pictures",
+    "simulate": "flexarm_ros.api.simulation",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name of the API from its module (PEP 562)."""
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(home), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

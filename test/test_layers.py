@@ -13,7 +13,9 @@ import pytest
 PACKAGE = "flexarm_ros"
 ROOT = Path(__file__).resolve().parent.parent / PACKAGE
 LAYERS = ["core", "scenario", "bag", "analysis", "nodes", "launcher", "cli"]
-WITHOUT_ROS = {"core", "scenario", "bag", "analysis"}
+# The outermost layer beside the command line, of those who have no ROS: nobody imports it.
+API, API_USES = "api", {"core", "scenario", "bag", "analysis", "api"}
+WITHOUT_ROS = {"core", "scenario", "bag", "analysis", API}
 NODES = {"plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder", "player"}
 
 ROS = {
@@ -54,8 +56,8 @@ def complaints(source: str, module: str, is_package: bool = False) -> list[str]:
     layer = layer_of(module)
     own = [name for name in names if name.split(".")[0] == PACKAGE]
     found = []
-    if layer in LAYERS:
-        allowed = set(LAYERS[: LAYERS.index(layer) + 1])
+    if layer in LAYERS or layer == API:
+        allowed = API_USES if layer == API else set(LAYERS[: LAYERS.index(layer) + 1])
         for name in own:
             # The bare package is where things are, and what version it is; it imports nothing.
             if name != PACKAGE and layer_of(name) not in allowed:
@@ -105,7 +107,7 @@ def test_module_keeps_to_its_layer(path: Path) -> None:
 
 def test_every_subpackage_has_a_layer() -> None:
     found = {path.parent.relative_to(ROOT).parts[0] for path in ROOT.glob("*/**/*.py")}
-    assert found - {*LAYERS, "ros2_standin"} == set()
+    assert found - {*LAYERS, API, "ros2_standin"} == set()
 
 
 @pytest.mark.parametrize("layer", sorted(WITHOUT_ROS))
@@ -150,6 +152,9 @@ def test_nobody_uses_the_standin() -> None:
         ("nodes.plant", "from flexarm_ros.nodes import encoder", "node plant imports node encoder"),
         ("nodes.plant", "from flexarm_ros.nodes.encoder import E", "node plant imports node enc"),
         ("ros2_standin.x", "from flexarm_ros.core import plant", "the stand-in imports"),
+        ("api.run", "from flexarm_ros.launcher import run", "api imports flexarm_ros.launcher"),
+        ("api.run", "import rclpy", "api imports rclpy"),
+        ("cli.run", "from flexarm_ros.api import run", "cli imports flexarm_ros.api"),
     ],
 )
 def test_breaches_are_seen(module: str, source: str, complaint: str) -> None:

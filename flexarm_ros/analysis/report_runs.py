@@ -132,7 +132,7 @@ def load_run(path: Path) -> Run:
         columns = _read_rows(directory / "trajectory.csv")
     else:
         columns, summary, directory = _from_bag(Path(path))
-    columns = {name: _without_extremes(values) for name, values in columns.items()}
+    columns = {name: without_extremes(values) for name, values in columns.items()}
     return Run(directory, columns, summary, _sections(summary.get("scenario")))
 
 
@@ -165,7 +165,8 @@ def _from_bag(path: Path) -> tuple[Mapping[str, FloatArray], Mapping[str, Any], 
     return columns, summary, parent.parent if parent.name == "bag" else parent
 
 
-def _without_extremes(values: FloatArray) -> FloatArray:
+def without_extremes(values: FloatArray) -> FloatArray:
+    """Return values with not-a-number for those that no picture can show."""
     return np.where(np.abs(values) < LARGEST, values, np.nan)
 
 

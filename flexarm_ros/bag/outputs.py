@@ -126,16 +126,16 @@ def unfinished_summary(config: RunConfig, provenance: Provenance) -> dict[str, A
 def write_summary(directory: Path, summary: dict[str, Any]) -> None:
     """Write ``summary.json``, whole or not at all; BagError on failure."""
     write_atomically(
-        directory / SUMMARY, json.dumps(_finite(summary), indent=2, allow_nan=False) + "\n"
+        directory / SUMMARY, json.dumps(finite(summary), indent=2, allow_nan=False) + "\n"
     )
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """Return ``value`` with None for every number that is not finite."""
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     if isinstance(value, float) and value - value != 0.0:
         return None
     return value

@@ -1,0 +1,125 @@
+"""``fa.linearize`` and ``fa.linear_law``: the loop's two halves for python-control."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from flexarm_ros.api.extras import extra
+from flexarm_ros.api.simulation import Scenario, configure
+from flexarm_ros.core import linear_model
+from flexarm_ros.core.linear_model import DEFLECTION, ENCODER, TIP_SENSOR, TORQUES
+from flexarm_ros.core.modes import linearise
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.stability_law import linear_law as law_matrices
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.trajectory import initial_angles
+
+if TYPE_CHECKING:
+    import control
+
+OUTPUTS = ("feedback", "encoder", "tip_sensor", "deflection", "state", "law", "all")
+
+
+def linearize(
+    scenario: Scenario,
+    theta2: float | None = None,
+    theta1: float | None = None,
+    *,
+    outputs: str = "feedback",
+    continuous: bool = False,
+    **changes: Any,
+) -> control.StateSpace:
+    """Return the arm about a pose, with sensors and their delays, as a StateSpace.
+
+    Inputs are the joint torques, N m; outputs are deviations from the pose, at rest with straight
+    links.  In discrete time, one step a tick, the model is exact: torques held, the delay as it
+    is flown.  Noise, counts and speed are not in it.
+
+    Parameters
+    ----------
+    scenario
+        As for :func:`flexarm_ros.simulate`.
+    theta2, theta1
+        The pose, rad; left out, the scenario's start.
+    outputs
+        ``feedback``: the sensor that closes the scenario's loop.  ``encoder``: both angles and
+        their rates, as delivered.  ``tip_sensor``: x, y, vx, vy in frame ``base``, as delivered.
+        ``deflection``: delta1 and delta2.  ``state``: the plant's coordinates and rates.
+        ``law``: what :func:`linear_law` takes.  ``all``: everything.
+    continuous
+        In continuous time, every delay a second-order Pade approximation as in the paper.
+    **changes
+        Sections and values as for :func:`flexarm_ros.simulate`,
+        ``tip_sensor={"latency": 0.0312}``.
+
+    Returns
+    -------
+    control.StateSpace
+        With named states, inputs and outputs (needs the package ``control``).
+
+    Raises
+    ------
+    ScenarioError, ValueError
+        For a bad scenario; for a sensor that has no time-invariant model.
+    """
+    with extra("control"):
+        import control
+
+    if outputs not in OUTPUTS:
+        raise ValueError(f"outputs: {outputs!r}, allowed: {', '.join(OUTPUTS)}")
+    config = configure(scenario, **changes)
+    model = linear_model.linear_model(config, *_pose(config, theta1, theta2), continuous)
+    model = model.select(_names(config, model, outputs))
+    return control.ss(
+        model.a, model.b, model.c, model.d, *([] if continuous else [model.period]),
+        states=list(model.states), inputs=list(TORQUES), outputs=list(model.outputs), name="arm",
+    )  # fmt: skip
+
+
+def linear_law(
+    scenario: Scenario, theta2: float | None = None, theta1: float | None = None, **changes: Any
+) -> control.StateSpace:
+    """Return the scenario's control law about rest at a pose as a discrete StateSpace.
+
+    Its inputs are the outputs of ``linearize(..., outputs="law")``, its outputs the torques, with
+    their sign: ``control.feedback(arm, law, sign=1)`` is the closed loop, whose poles are what
+    ``flexarm stability`` prints.  For the fuzzy law it holds at lambda(0, 0) = 1/6.
+
+    Parameters are those of :func:`linearize`.  Raises ``NoLinearFormError`` (a ``ValueError``)
+    for a law that has no linear form, ``open_loop``.
+    """
+    with extra("control"):
+        import control
+
+    config = configure(scenario, **changes)
+    angle1, angle2 = _pose(config, theta1, theta2)
+    arm = linearise(config, angle2, angle1)
+    law = law_matrices(config, arm)
+    model = linear_model.linear_model(config, angle1, angle2)
+    return control.ss(
+        law.a, law.b, law.c, law.d, Timeline.of(config.run).period,
+        inputs=list(_names(config, model, "law")), outputs=list(TORQUES), name="law",
+    )  # fmt: skip
+
+
+def _pose(config: RunConfig, theta1: float | None, theta2: float | None) -> tuple[float, float]:
+    start = initial_angles(config)
+    return (
+        start[0] if theta1 is None else float(theta1),
+        start[1] if theta2 is None else float(theta2),
+    )
+
+
+def _names(config: RunConfig, model: linear_model.LinearModel, outputs: str) -> tuple[str, ...]:
+    """Return the names of a choice of outputs."""
+    state = model.outputs[: 4 + 4 * config.plant.modes]
+    feedback = ENCODER if config.controller.feedback == "encoder" else TIP_SENSOR
+    return {
+        "feedback": feedback,
+        "encoder": ENCODER,
+        "tip_sensor": TIP_SENSOR,
+        "deflection": DEFLECTION,
+        "state": state,
+        "law": (*state, *ENCODER, *TIP_SENSOR),
+        "all": model.outputs,
+    }[outputs]

@@ -1,0 +1,108 @@
+"""``fa.plot`` and ``fa.report``: pictures and the HTML page of one run or of several."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexarm_ros.analysis import figures_style
+from flexarm_ros.analysis import report_runs as read
+from flexarm_ros.api.run import Run
+from flexarm_ros.core.rows import COLUMNS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KINDS = ("paths", "corners", "signals", "fls")
+
+
+def plot(runs: Run | Sequence[Run], kind: str = "paths") -> Figure:
+    """Draw one run, or several over one another, and return the matplotlib figure.
+
+    Parameters
+    ----------
+    runs
+        A run or several; in one picture stand those of one law and one place of the sensor.
+    kind
+        ``paths``: the end effector's path and its reference.  ``corners``: the transients where
+        the reference switches its direction.  ``signals``: error, deflections, torques and
+        lambda over time, of the first law and place among the runs.  ``fls``: membership
+        functions, surface, and where the runs used it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown kind, or one that the runs cannot show.
+    """
+    import matplotlib
+
+    if kind not in KINDS:
+        raise ValueError(f"kind: {kind!r}, allowed: {', '.join(KINDS)}")
+    groups = figures_style.panels(_as_read(runs))
+    with matplotlib.rc_context(figures_style.SETTINGS):
+        return _shown(_draw(groups, kind))
+
+
+def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
+    from flexarm_ros.analysis import figures
+    from flexarm_ros.analysis.figures_corners import corner_figure
+
+    if kind == "paths":
+        return figures.path_figure(groups)
+    if kind == "signals":
+        return figures.signal_figure(groups[0])
+    if kind == "corners":
+        if not any(figures_style.group_switches(group) for group in groups):
+            raise ValueError("kind: 'corners', but the reference never switches its direction")
+        return corner_figure(groups)
+    from flexarm_ros.analysis.figures_fls import fls_figure
+
+    fuzzy = [run for group in groups for run in group.runs if run.law == "fls"]
+    if not fuzzy:
+        raise ValueError("kind: 'fls', but no run has controller.law: fls")
+    return fls_figure(fuzzy)
+
+
+def report(runs: Run | Sequence[Run], path: str | os.PathLike[str]) -> Path:
+    """Write the self-contained HTML page of some runs to ``path`` and return it.
+
+    The page is that of ``flexarm report``: interactive, and it needs no network.
+    """
+    from flexarm_ros.analysis.report import render
+    from flexarm_ros.bag.files import write_atomically
+
+    target = Path(path)
+    write_atomically(target, render(_as_read(runs)))
+    return target
+
+
+def _as_read(runs: Run | Sequence[Run]) -> list[read.Run]:
+    """Return runs as the pictures take them."""
+    some = [runs] if isinstance(runs, Run) else list(runs)
+    if not some:
+        raise ValueError("runs: none given")
+    return [
+        read.Run(
+            run.directory or Path(run.name),
+            {name: read.without_extremes(run.trajectory[name]) for name in COLUMNS},
+            run.summary,
+            run.scenario,
+        )
+        for run in some
+    ]
+
+
+def _shown(figure: Figure) -> Figure:
+    """Let notebooks show a figure that pyplot does not know of."""
+
+    def png() -> bytes:
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=110)
+        return buffer.getvalue()
+
+    held: Any = figure
+    held._repr_png_ = png
+    return figure

@@ -1,0 +1,198 @@
+"""``fa.configure`` and ``fa.simulate``: a scenario from Python, flown in this process."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm_ros import scenario as scenarios
+from flexarm_ros.api.run import Run, load, table_of
+from flexarm_ros.bag import outputs
+from flexarm_ros.bag import simulation as recorded
+from flexarm_ros.bag.blocks import Block
+from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.metrics import Metrics
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.rows import Row, Rows
+
+Section = Mapping[str, Any]
+Scenario = str | os.PathLike[str] | Mapping[str, Section] | RunConfig
+"""A shipped scenario's name, a file, ``{section: {key: value}}``, or what ``configure`` gave."""
+
+OWN = "/**"
+
+
+def configure(
+    scenario: Scenario,
+    *,
+    run: Section | None = None,
+    plant: Section | None = None,
+    encoder: Section | None = None,
+    tip_sensor: Section | None = None,
+    trajectory: Section | None = None,
+    controller: Section | None = None,
+    duration: float | None = None,
+    seed: int | None = None,
+    torques: ArrayLike | None = None,
+) -> RunConfig:
+    """Return a scenario, whole and checked, with some of its parameters set anew.
+
+    Parameters
+    ----------
+    scenario
+        The name of a shipped scenario (``flexarm list``), a file, ``{section: {key: value}}``
+        or a ``RunConfig``.
+    run, plant, encoder, tip_sensor, trajectory, controller
+        ``{key: value}`` for a section of the scenario, keys and values as in the file; ``run``
+        is the section ``/**``.  The value ``None`` leaves a key out again.
+    duration, seed
+        Short for ``run={"duration": ..., "seed": ...}``; s, and the seed of every noise.
+    torques
+        Rows ``t, tau1, tau2`` (s, N m, N m), shape ``(n, 3)``: flown open loop, linear between
+        rows, in the place of any control law.
+
+    Raises
+    ------
+    ScenarioError
+        One line that names the key, the value and what is allowed.
+    """
+    own = {**(run or {})}
+    own.update({k: v for k, v in (("duration", duration), ("seed", seed)) if v is not None})
+    given: dict[str, Section | None] = {
+        OWN: own, "plant": plant, "encoder": encoder, "tip_sensor": tip_sensor,
+        "trajectory": trajectory, "controller": controller,
+    }  # fmt: skip
+    data = {section: _plain(section, keys) for section, keys in given.items() if keys}
+    if isinstance(scenario, RunConfig):
+        config = scenario
+    elif isinstance(scenario, Mapping):
+        return _with_torques(_merged(scenario, data), (), torques)
+    else:
+        config = scenarios.load(scenario)
+    if torques is None and not data:
+        return config
+    if torques is None:
+        return scenarios.with_values(config, data=data)
+    return _with_torques(_merged(scenarios.to_dict(config), data), config.torques, torques)
+
+
+def simulate(
+    scenario: Scenario,
+    *,
+    run: Section | None = None,
+    plant: Section | None = None,
+    encoder: Section | None = None,
+    tip_sensor: Section | None = None,
+    trajectory: Section | None = None,
+    controller: Section | None = None,
+    duration: float | None = None,
+    seed: int | None = None,
+    torques: ArrayLike | None = None,
+    out: str | os.PathLike[str] | None = None,
+) -> Run:
+    """Fly a scenario in this process, without ROS, and return the run.
+
+    The numbers are those of ``flexarm run`` and ``flexarm simulate``, bit for bit.  A run that
+    becomes unstable is returned too: ``run.stable`` is False.
+
+    Parameters
+    ----------
+    scenario, run, plant, encoder, tip_sensor, trajectory, controller, duration, seed, torques
+        As for :func:`configure`.
+    out
+        A new directory for bag, ``trajectory.csv`` and ``summary.json``; left out, nothing is
+        written.
+
+    Raises
+    ------
+    ScenarioError
+        For a bad scenario or value, before anything is flown or written.
+    BagError
+        Where ``out`` exists already or cannot be written.
+    """
+    config = configure(
+        scenario, run=run, plant=plant, encoder=encoder, tip_sensor=tip_sensor,
+        trajectory=trajectory, controller=controller, duration=duration, seed=seed,
+        torques=torques,
+    )  # fmt: skip
+    name = Path(scenario).stem if isinstance(scenario, (str, os.PathLike)) else "run"
+    if out is None:
+        return _fly(config, name)
+    recorded.simulate(config, out, name)
+    return load(out)
+
+
+def _fly(config: RunConfig, name: str) -> Run:
+    """Fly a scenario and keep all in memory."""
+    loop = ClosedLoop(config)
+    rows, metrics = Rows(config), Metrics(config)
+    table: list[Row] = []
+    wall_s = 0.0
+    for block, seconds in _timed(recorded.loop_blocks(loop)):
+        wall_s += seconds
+        for row in outputs.block_rows(rows, block):
+            metrics.add(row)
+            table.append(row)
+    unstable = None
+    if loop.unstable is not None and loop.unstable_tick is not None:
+        unstable = (loop.unstable_tick, loop.unstable)
+    summary = outputs.summary_of(config, metrics.result(), Provenance.here(name), wall_s, unstable)
+    return Run(name, table_of(table), outputs.finite(summary))
+
+
+def _timed(blocks: Iterator[Block]) -> Iterator[tuple[Block, float]]:
+    """Yield each block with the wall time, s, that it took."""
+    while True:
+        start = time.perf_counter()
+        block = next(blocks, None)
+        if block is None:
+            return
+        yield block, time.perf_counter() - start
+
+
+def _plain(section: str, keys: Any) -> dict[str, Any]:
+    """Return values as a file has them: NumPy's numbers and arrays become Python's."""
+    if not isinstance(keys, Mapping):
+        name = "run" if section == OWN else section
+        raise scenarios.ScenarioError(f"{name}: {keys!r} is not a map of keys")
+    return {str(key): _value(value) for key, value in keys.items()}
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_value(item) for item in value]
+    return value
+
+
+def _merged(base: Mapping[str, Section], data: Mapping[str, Section]) -> dict[str, dict[str, Any]]:
+    merged = {
+        OWN if section == "run" else section: _plain(section, keys)
+        for section, keys in base.items()
+    }
+    for section, keys in data.items():
+        merged[section] = {**merged.get(section, {}), **keys}
+    return merged
+
+
+def _with_torques(
+    data: dict[str, dict[str, Any]], held: tuple[Row, ...], torques: ArrayLike | None
+) -> RunConfig:
+    """Return the scenario of ``data``, open loop where there are torques."""
+    if torques is None:
+        return scenarios.from_dict(data, torques=held)
+    rows = np.asarray(torques, dtype=float)
+    if rows.ndim != 2:
+        raise scenarios.ScenarioError(
+            f"torques: an array of shape {rows.shape}; allowed: rows t, tau1, tau2, shape (n, 3)"
+        )
+    data.setdefault("controller", {})["law"] = "open_loop"
+    return scenarios.from_dict(data, torques=rows.tolist())
