@@ -67,3 +67,47 @@ def write_scenario(path: Path, name: str, *overrides: str) -> Path:
 
     path.write_text(scenario.dump(scenario.load(name, list(overrides))), encoding="utf-8")
     return path
+
+
+class Asker:
+    """Sets parameters of a run's nodes and steps the plant."""
+
+    def __init__(self, node, executor) -> None:
+        self.node, self.executor = node, executor
+
+    def call(self, kind, name: str, **request: object):
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(60), name
+        future = client.call_async(kind.Request(**request))
+        self.executor.spin_until_future_complete(future, timeout_sec=20)
+        assert future.done(), name
+        return future.result()
+
+    def set(self, node: str, key: str, value: object):
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        wanted = [Parameter(key, value=value).to_parameter_msg()]
+        name = f"/{node}/set_parameters"
+        return self.call(SetParameters, name, parameters=wanted).results[0]
+
+    def get(self, node: str, key: str) -> float:
+        from rcl_interfaces.srv import GetParameters
+
+        answer = self.call(GetParameters, f"/{node}/get_parameters", names=[key])
+        return answer.values[0].double_value
+
+    def state(self) -> str:
+        from std_srvs.srv import Trigger
+
+        return self.call(Trigger, "/plant/state").message
+
+    def tick(self) -> int:
+        return int(self.state().split("tick ")[1].split(",")[0])
+
+    def pause(self, wanted: bool) -> None:
+        from std_srvs.srv import SetBool
+
+        assert self.call(SetBool, "/plant/pause", data=wanted).success
+        if wanted:
+            wait_for(lambda: self.state().startswith("paused"), 20, "the plant is paused")

@@ -6,24 +6,9 @@ import threading
 from pathlib import Path
 
 import pytest
-from nodetools import flexarm, wait_for
+from nodetools import Asker, flexarm, wait_for
 
 pytestmark = pytest.mark.nodes
-
-
-@pytest.fixture
-def rclpy_node(ros_domain: int):
-    import rclpy
-
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node("test_control", context=context)
-    executor = rclpy.executors.SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    yield node, executor
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
 
 
 def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
@@ -66,9 +51,14 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
             assert call("step").success
         wait_for(paused, 10, "the steps are done")
         assert tick() == held + 3
+        ask = Asker(node, executor)
+        assert ask.set("controller", "kp", 80.0).successful
+        assert ask.get("controller", "kp") == 80.0
         assert call("reset").success
         assert call("pause", data=False).success
+        assert tick() < held
         wait_for(lambda: tick() > held, 60, "the run goes on after the reset")
+        assert ask.get("controller", "kp") == 150.79  # as a fresh run has it
         fast = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.0)
         change = [Parameter(name="real_time_factor", value=fast)]
         assert call("set_parameters", parameters=change).results[0].successful

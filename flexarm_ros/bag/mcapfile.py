@@ -75,8 +75,8 @@ COMPRESSORS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
 class McapFile:
     """A new MCAP file of profile ``ros2``; BagError where it cannot be written.
 
-    Give schemas and channels first, then attachments and metadata, then chunks,
-    then call `finish`.  What a call has written is with the operating system
+    Give schemas and channels first (others between chunks), then attachments and metadata,
+    then chunks, then call `finish`.  What a call has written is with the operating system
     when it returns.
     """
 
@@ -169,7 +169,7 @@ class McapFile:
     ) -> None:
         """Add a chunk of message records.
 
-        Of each record its channel, its log time (ascending) and its length in
+        Of each record its channel, its log time and its length in
         bytes, opcode and length field included.
         """
         ids = np.asarray(channels, np.uint16)
@@ -177,12 +177,12 @@ class McapFile:
         offsets = np.zeros(len(ids), np.uint64)
         np.cumsum(lengths[:-1], out=offsets[1:], dtype=np.uint64)
         packed = self._compress(data)
-        start = self._position
+        start, first, last = self._position, min(times), max(times)
         chunk = Chunk(
             compression=self._compression,
             data=packed,
-            message_start_time=times[0],
-            message_end_time=times[-1],
+            message_start_time=first,
+            message_end_time=last,
             uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data),
         )
@@ -200,8 +200,8 @@ class McapFile:
         self._put(b"".join(blob))
         self._chunks.append(
             ChunkIndex(
-                message_start_time=times[0],
-                message_end_time=times[-1],
+                message_start_time=first,
+                message_end_time=last,
                 chunk_start_offset=start,
                 chunk_length=chunk_length,
                 message_index_offsets=index_offsets,
@@ -211,8 +211,8 @@ class McapFile:
                 uncompressed_size=len(data),
             )
         )
-        self.start_time = min(self.start_time, times[0]) if len(self._chunks) > 1 else times[0]
-        self.end_time = max(self.end_time, times[-1])
+        self.start_time = min(self.start_time, first) if len(self._chunks) > 1 else first
+        self.end_time = max(self.end_time, last)
 
     def finish(self) -> None:
         """Write the end of the data, the summary and the footer, and close the file."""

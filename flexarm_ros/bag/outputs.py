@@ -108,6 +108,7 @@ def summary_of(
         "rtf": simulated / wall_s if wall_s else None,
         "versions": {**provenance.versions, **_ros_versions(), "commit": provenance.commit},
         "scenario": scenario.to_dict(bag_config(config)),
+        **({"changes": [c._asdict() for c in config.changes]} if config.changes else {}),
     }
 
 

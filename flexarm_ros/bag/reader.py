@@ -7,10 +7,11 @@ ever opened.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from flexarm_ros import scenario
+from flexarm_ros.bag import changes
 from flexarm_ros.bag.blocks import Block, decode_ticks
 from flexarm_ros.bag.errors import BagContentError, BagError, BagLimitError
 from flexarm_ros.bag.frontmatter import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
@@ -33,6 +35,7 @@ from flexarm_ros.bag.scan import (
     unpack,
 )
 from flexarm_ros.bag.topics import Topic, per_tick_topics
+from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.torque_file import parse_torques
@@ -111,7 +114,8 @@ class BagReader:
     Raises BagError (BagFormatError, BagContentError, BagLimitError), one line,
     where RUN is no bag of this package or its scenario cannot be read.
 
-    ``config`` is the scenario as recorded, ``provenance`` where it comes from,
+    ``config`` is the scenario as recorded, with the parameters that changed
+    while it ran (``config.changes``), ``provenance`` where it comes from,
     ``topics`` the per-tick topics in canonical order.  ``damage`` is None, or
     says after an iteration where the file breaks off or is damaged; what comes
     before that is given out.
@@ -126,6 +130,9 @@ class BagReader:
         self.topics: tuple[Topic, ...] = tuple(per_tick_topics(self.config))
         self.timeline = Timeline.of(self.config.run)
         self._index = topic_index(self.path, front, self.topics)
+        found = read_changes(self.path, self.timeline.period_ns)
+        if found:
+            self.config = replace(self.config, changes=found)
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield ``(tick, topic index, data)`` of every message in the order of the file.
@@ -231,6 +238,33 @@ def _all_messages(path: Path) -> Iterator[Message]:
                 for inner in inner_records(path, record.offset, unpack(path, record)):
                     if isinstance(inner, Message):
                         yield inner
+
+
+def read_changes(path: Path, period_ns: int) -> tuple[Change, ...]:
+    """Return the parameters that were set while the run went on, as far as they can be read.
+
+    Raises BagContentError for one that makes no sense.
+    """
+    front = Front()
+    with Scanner(path) as scanner, contextlib.suppress(Damage):
+        for record in scanner.records(bodies=False):
+            if record.opcode == Opcode.CHANNEL:
+                front.take(path, record)
+    channels = {c.id for c in front.channels.values() if c.topic == changes.PATH}
+    found: list[Change] = []
+    if channels:
+        with contextlib.suppress(Damage):
+            for message in _all_messages(path):
+                if message.channel in channels:
+                    found.append(_change(path, message.data, period_ns))
+    return tuple(found)
+
+
+def _change(path: Path, data: bytes, period_ns: int) -> Change:
+    try:
+        return changes.decode(data, period_ns)
+    except ValueError as error:
+        raise BagContentError(f"{path}: {changes.PATH}: {error}") from None
 
 
 def front_config(path: Path, front: Front) -> RunConfig:

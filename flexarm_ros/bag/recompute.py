@@ -15,9 +15,10 @@ from flexarm_ros.bag.topics import (
     TIP,
     Topic,
 )
+from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.control import Sample, make_law
 from flexarm_ros.core.loop import TickRecord
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters import RunConfig, changed
 from flexarm_ros.core.plant import make_plant
 from flexarm_ros.core.sensors import Encoder, TipSensor
 from flexarm_ros.core.timeline import Timeline
@@ -36,6 +37,7 @@ class Nodes:
 
     def __init__(self, config: RunConfig, topics: Sequence[Topic], skip: frozenset[str]) -> None:
         self._topics, self._skip = topics, skip
+        self.config, self._agenda = config, Agenda(config.changes)
         self._timeline = Timeline.of(config.run)
         self._plant = make_plant(config)
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
@@ -46,6 +48,8 @@ class Nodes:
 
     def expected(self, tick: int, now: Tick, before: Tick | None) -> dict[int, Stamped]:
         """Return what can be told of tick ``tick`` from its and the last tick's messages."""
+        if tick >= self._agenda.next:
+            self._retune(tick)
         stamp = self._timeline.stamp_ns(tick)
         found: dict[int, Stamped] = {CLOCK: (stamp, ())}
         found[REFERENCE] = (stamp, self._reference.command(tick))
@@ -55,6 +59,12 @@ class Nodes:
         if now[STATE] is not None:
             self._answers(tick, stamp, now, found)
         return {i: w for i, w in found.items() if self._topics[i].node not in self._skip}
+
+    def _retune(self, tick: int) -> None:
+        for change in self._agenda.due(tick):
+            self.config = changed(self.config, change)
+        for part in (self._encoder, self._tip, self._reference, self._law):
+            part.retune(self.config)
 
     def _state(self, tick: int, before: Tick | None) -> Values | None:
         plant, n = self._plant, self._size

@@ -11,6 +11,7 @@ import contextlib
 import os
 import shutil
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ class Recording:
         self.directory = directory
         self._writer = BagWriter(directory / BAG, config, Provenance.here(name, foreign))
         self.write = self._writer.write
+        self.write_change = self._writer.write_change
 
     def close(self) -> None:
         """Finish the bag; raises BagError where it cannot be written."""
@@ -98,6 +100,7 @@ def finish_run(
     try:
         _mend_bag(directory)
         reader = BagReader(directory)
+        config = replace(config, changes=reader.config.changes)
         metrics = write_trajectory(directory, config, reader.blocks())
     except BagError as error:
         problem = problem or str(error)

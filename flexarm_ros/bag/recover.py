@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from mcap.opcode import Opcode
 from mcap.records import Header
 
 from flexarm_ros import scenario
+from flexarm_ros.bag import changes
 from flexarm_ros.bag.errors import BagContentError, BagError, BagExistsError
 from flexarm_ros.bag.frontmatter import (
     PARAMETERS_RECORD,
@@ -236,26 +237,42 @@ def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescu
             index = topic_index(path, front, topics)
         except BagContentError as error:
             rescue.note(f"{str(error).removeprefix(f'{path}: ')}; our own order assumed")
+    altering = {c.id for c in front.channels.values() if c.topic == changes.PATH}
     with BagWriter(target, config, front_provenance(front)) as writer:
         for record in _sound_records(path, Rescue()):
             if record.opcode != Opcode.CHUNK:
                 continue
-            last = -1
-            for message in inner_records(path, record.offset, unpack(path, record)):
-                if not isinstance(message, Message):
-                    continue
-                tick, rest = divmod(message.log_time - T0_NS, timeline.period_ns)
-                if rest or not 0 <= tick < timeline.ticks or message.channel not in index:
-                    rescue.dropped += 1
-                    continue
-                try:
-                    writer.write(index[message.channel], tick, message.data)
-                    rescue.kept += 1
-                    last = max(last, tick)
-                except BagContentError:
-                    rescue.dropped += 1
+            inner = inner_records(path, record.offset, unpack(path, record))
+            messages = [message for message in inner if isinstance(message, Message)]
+            last = _rescue_messages(messages, writer, index, altering, timeline, rescue)
             writer.end_tick(last - 1)
     rescue.complete = writer.complete_ticks
+
+
+def _rescue_messages(
+    messages: Sequence[Message],
+    writer: BagWriter,
+    index: Mapping[int, int],
+    altering: set[int],
+    timeline: Timeline,
+    rescue: Rescue,
+) -> int:
+    """Write the messages of one chunk that make sense; return the last of their ticks."""
+    last = -1
+    for message in messages:
+        tick, rest = divmod(message.log_time - T0_NS, timeline.period_ns)
+        try:
+            if message.channel in altering:
+                writer.write_change(changes.decode(message.data, timeline.period_ns))
+            elif rest or not 0 <= tick < timeline.ticks:
+                raise ValueError
+            else:
+                writer.write(index[message.channel], tick, message.data)
+                last = max(last, tick)
+            rescue.kept += 1
+        except (BagContentError, LookupError, ValueError):
+            rescue.dropped += 1
+    return last
 
 
 def _rescue_plain(path: Path, front: Front, target: Path, rescue: Rescue) -> None:

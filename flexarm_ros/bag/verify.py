@@ -19,7 +19,8 @@ from flexarm_ros.bag.metadata import read_counts
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.recompute import Nodes, Stamped, Tick, Values, loop_messages
-from flexarm_ros.bag.topics import STATE, Topic
+from flexarm_ros.bag.topics import STATE, Topic, per_tick_topics
+from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.loop import ClosedLoop
 
 LOOP = "closed loop"
@@ -79,18 +80,18 @@ class _Comparison:
     """Compares messages and keeps the account."""
 
     def __init__(self, topics: Sequence[Topic], verdict: Verdict) -> None:
-        self._topics, self._verdict = topics, verdict
+        self.topics, self._verdict = topics, verdict
 
     def message(self, check: str, tick: int, topic: int, data: bytes, wanted: Stamped) -> None:
         """Compare one recorded message with the stamp and values that it should have."""
-        verdict, codec = self._verdict, self._topics[topic].codec
+        verdict, codec = self._verdict, self.topics[topic].codec
         verdict.compared[check] = verdict.compared.get(check, 0) + 1
         if codec.encode(wanted[0], *wanted[1]) == data:
             return
         place, recorded, computed = self._explain(topic, data, wanted)
         if place or recorded:
             self.differs(Difference(
-                check, tick, self._topics[topic].path, place, recorded, computed
+                check, tick, self.topics[topic].path, place, recorded, computed
             ))  # fmt: skip
 
     def differs(self, difference: Difference) -> None:
@@ -101,7 +102,7 @@ class _Comparison:
 
     def _explain(self, topic: int, data: bytes, wanted: Stamped) -> tuple[str, str, str]:
         """Return field, recorded and computed text; empty texts if only the layout differs."""
-        codec = self._topics[topic].codec
+        codec = self.topics[topic].codec
         try:
             stamp, values = codec.decode_any(data)
         except ValueError as error:
@@ -127,6 +128,7 @@ class _Run:
         self._comparison = _Comparison(reader.topics, verdict)
         self._nodes = Nodes(reader.config, reader.topics, skip)
         self._loop = None if skip else ClosedLoop(reader.config)
+        self._agenda = Agenda(reader.config.changes)
         self._last = -1
         self._incomplete = ""
         self.counts = [0] * len(reader.topics)
@@ -149,7 +151,11 @@ class _Run:
     def _compare(
         self, tick: int, messages: Sequence[bytes | None], now: Tick, before: Tick | None
     ) -> None:
-        for topic, wanted in self._nodes.expected(tick, now, before).items():
+        expected = self._nodes.expected(tick, now, before)
+        if tick >= self._agenda.next:  # the covariance of a message follows noise_std
+            self._agenda.due(tick)
+            self._comparison.topics = per_tick_topics(self._nodes.config)
+        for topic, wanted in expected.items():
             data = messages[topic]
             if data is not None:
                 node = self._topics[topic].node

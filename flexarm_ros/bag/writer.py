@@ -16,6 +16,7 @@ from types import TracebackType
 
 import numpy as np
 
+from flexarm_ros.bag import changes
 from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.cdr import ByteArray
 from flexarm_ros.bag.errors import BagContentError, BagError
@@ -31,6 +32,7 @@ from flexarm_ros.bag.metadata import (
 )
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.topics import Topic, per_tick_topics
+from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import T0_NS, seconds_to_ns
 
@@ -87,6 +89,8 @@ class BagWriter:
         self._next = 0
         self._pending: dict[int, list[bytes | None]] = {}
         self._missing: dict[int, int] = {}
+        self._changes: dict[int, list[Change]] = {}
+        self._changes_channel = 0
         self._clear_chunk()
         make_directory(self.directory)
         self._file = McapFile(self.directory / FILE_NAME, config.recorder.compression)
@@ -109,6 +113,18 @@ class BagWriter:
         self._missing[tick] -= 1
         while self._missing.get(self._next) == 0:
             self._emit(self._next)
+
+    def write_change(self, change: Change) -> None:
+        """Take a parameter that changes at a tick; it stands before that tick's messages."""
+        if not self._changes_channel:
+            text, digest = definition(changes.TYPE)
+            schema = self._file.add_schema(changes.TYPE, text)
+            channel = {"offered_qos_profiles": qos_text(changes.QOS), "topic_type_hash": digest}
+            self._changes_channel = self._file.add_channel(changes.PATH, schema, channel)
+        if change.tick < self._next:
+            self._append_change(change, 0)
+        else:
+            self._changes.setdefault(change.tick, []).append(change)
 
     def write_block(self, block: Block) -> None:
         """Take whole ticks, the next ones, as numbers; the same bytes, four times as fast."""
@@ -148,6 +164,9 @@ class BagWriter:
             BagTopic(t.path, t.type_name, definition(t.type_name)[1], t.qos, self._file.counts[i])
             for i, t in enumerate(self.topics, 1)
         ]
+        if self._changes_channel:
+            digest, count = definition(changes.TYPE)[1], self._file.counts[self._changes_channel]
+            topics.append(BagTopic(changes.PATH, changes.TYPE, digest, changes.QOS, count))
         custom = {"scenario": self._provenance.name, "format": FORMAT}
         information = bag_information(
             FILE_NAME, self._file.start_time, self._file.end_time, topics, custom
@@ -192,6 +211,8 @@ class BagWriter:
         """Append the messages of ``tick`` to the chunk, and end the chunk where it is due."""
         stamp = T0_NS + tick * self._period_ns
         sequence = tick + 1
+        for number, change in enumerate(self._changes.pop(tick, ())):
+            self._append_change(change, number)
         parts, header = self._parts, MESSAGE_HEADER.pack
         for channel, data in enumerate(self._pending.pop(tick), 1):
             if data is not None:
@@ -208,6 +229,18 @@ class BagWriter:
             self.complete_ticks += 1
         self._next = tick + 1
         self._end_chunk_if_due()
+
+    def _append_change(self, change: Change, number: int) -> None:
+        """Append one change to the chunk."""
+        stamp = T0_NS + change.tick * self._period_ns
+        data = changes.encode(change, self._period_ns)
+        length = MESSAGE_FIXED + len(data)
+        header = MESSAGE_HEADER.pack(5, length, self._changes_channel, number, stamp, stamp)
+        self._parts += [header, data]
+        self._channels.append(self._changes_channel)
+        self._times.append(stamp)
+        self._lengths.append(9 + length)
+        self._bytes += 9 + length
 
     def _records(self, block: Block) -> ByteArray:
         """Return the message records of each tick of ``block`` as a row."""

@@ -38,6 +38,8 @@ HISTORY_NS = 1_000_000_000
 MOST_SAMPLES = 1 << 16
 """Most ticks of history that are kept for a latency that may still be set."""
 
+NO_LIMIT_NS = 1 << 62
+
 Sample4 = tuple[float, float, float, float]
 
 
@@ -49,14 +51,15 @@ class BufferDelay:
         wanted = min(-(-HISTORY_NS // period_ns), MOST_SAMPLES)
         self._capacity = max(wanted, latency_ns // period_ns) + 2
         self._ring: FloatArray = np.zeros((self._capacity, CHANNELS))
+        self.most_ns = (self._capacity - 2) * period_ns
+        """Largest latency that may be set."""
         self.set_latency_ns(latency_ns)
 
     def set_latency_ns(self, latency_ns: int) -> None:
         """Change the latency from the next tick on; ``ValueError`` beyond the history kept."""
         whole, rest = divmod(latency_ns, self._period_ns)
         if latency_ns < 0 or whole > self._capacity - 2:
-            most = (self._capacity - 2) * self._period_ns
-            raise ValueError(f"{latency_ns} ns, allowed: 0 to {most} ns")
+            raise ValueError(f"{latency_ns} ns, allowed: 0 to {self.most_ns} ns")
         self._whole, self._part = whole, rest / self._period_ns
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
@@ -92,6 +95,7 @@ class PadeDelay:
     def __init__(self, period_ns: int, latency_ns: int) -> None:
         self._period_ns = period_ns
         self._state: FloatArray = np.zeros((3, CHANNELS))
+        self.most_ns = NO_LIMIT_NS
         self.set_latency_ns(latency_ns)
 
     def set_latency_ns(self, latency_ns: int) -> None:

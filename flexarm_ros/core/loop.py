@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.control import Sample, make_law
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters import RunConfig, changed
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.core.sensors import Encoder, Measurement, TipSensor
 from flexarm_ros.core.timeline import Timeline
@@ -54,6 +55,7 @@ class ClosedLoop:
         self.plant = make_plant(config)
         self.encoder, self.tip_sensor = Encoder(config), TipSensor(config)
         self.reference, self.law = Reference(config), make_law(config)
+        self._agenda = Agenda(config.changes)
         self.k = 0
         self.unstable: str | None = None
         self.unstable_tick: int | None = None
@@ -70,6 +72,8 @@ class ClosedLoop:
         if self.unstable is not None:
             self.unstable_tick = k
             return None
+        if k >= self._agenda.next:
+            self._retune(k)
         q, qd, ends = plant.q, plant.qd, plant.deflections()
         encoder = self.encoder.measure(k, q, qd)
         tip = self.tip_sensor.measure(k, q, qd)
@@ -79,3 +83,10 @@ class ClosedLoop:
         self._torque = torque
         self.k = k + 1
         return TickRecord(k, q, qd, ends, encoder, tip, reference, torque, self.law.gain)
+
+    def _retune(self, k: int) -> None:
+        """Set what changes at tick ``k``: see ``RunConfig.changes``."""
+        for change in self._agenda.due(k):
+            self.config = changed(self.config, change)
+        for part in (self.encoder, self.tip_sensor, self.reference, self.law):
+            part.retune(self.config)

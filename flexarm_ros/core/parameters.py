@@ -9,8 +9,10 @@ it differs from the field's own (a law's gain, ``lqg.horizon``).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
+
+from flexarm_ros.core.changes import Change
 
 
 @dataclass(frozen=True)
@@ -288,6 +290,8 @@ class RunConfig:
 
     ``torques`` holds the rows of the torque file, shape ``(rows, 3)`` as
     nested tuples ``(t, tau1, tau2)``, empty unless the law is ``open_loop``.
+    ``changes`` are the live parameters that were set while a recorded run went
+    on; a scenario file has none.
     """
 
     run: RunParameters = RunParameters()
@@ -298,6 +302,7 @@ class RunConfig:
     controller: ControllerParameters = ControllerParameters()
     recorder: RecorderParameters = RecorderParameters()
     torques: tuple[tuple[float, float, float], ...] = ()
+    changes: tuple[Change, ...] = ()
 
 
 def specs(section: type) -> dict[str, tuple[str, Spec, Any]]:
@@ -306,3 +311,12 @@ def specs(section: type) -> dict[str, tuple[str, Spec, Any]]:
         f.metadata["key"] or f.name: (f.name, f.metadata["spec"], f.default)
         for f in fields(section)
     }
+
+
+def changed(config: RunConfig, change: Change) -> RunConfig:
+    """Return ``config`` with a live parameter set; ``KeyError`` where there is no such."""
+    name, spec, _ = specs(SECTIONS[change.node])[change.key]
+    if not spec.live:
+        raise KeyError(f"{change.node}.{change.key}")
+    section = replace(getattr(config, change.node), **{name: change.value})
+    return replace(config, **{change.node: section})

@@ -6,10 +6,11 @@ that the two agree bit for bit.
 
 from __future__ import annotations
 
+from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.compiled import FloatArray, compiled
 from flexarm_ros.core.control import gain_of
 from flexarm_ros.core.kinematics import elastic_point, make_point, rigid_point
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters import RunConfig, changed
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import Reference
 
@@ -28,6 +29,7 @@ class Rows:
 
     def __init__(self, config: RunConfig) -> None:
         self._config = config
+        self._agenda = Agenda(config.changes)
         self._period_ns = Timeline.of(config.run).period_ns
         self._reference = Reference(config)
         self._lengths = config.plant.length
@@ -50,6 +52,9 @@ class Rows:
         delta1, delta2 (m); ``measured``: x, y of the sensed point as delivered
         (m); ``torque``: tau1, tau2 (N m).
         """
+        if k >= self._agenda.next:  # lambda depends on kn
+            for change in self._agenda.due(k):
+                self._config = changed(self._config, change)
         reference = self._reference.at(k)
         joints_and_points = outline(q, qd, *self._lengths, *self._shapes)
         th1, th2, dth1, dth2 = joints_and_points[:4]

@@ -64,6 +64,19 @@ class _Latency:
             raise ValueError(f"{self._key}: {error}") from None
         self.ns = latency_ns
 
+    def check_seconds(self, seconds: float) -> None:
+        latency_ns = named_ns(self._key, seconds)
+        if latency_ns > self._line.most_ns:
+            raise ValueError(
+                f"{self._key}: {seconds!r} s is beyond the {self._line.most_ns * 1e-9:g} s of "
+                "history that this run keeps"
+            )
+
+    def set_seconds(self, seconds: float) -> None:
+        latency_ns = named_ns(self._key, seconds)
+        if latency_ns != self.ns:
+            self.set_ns(latency_ns)
+
     def step(self, k: int, a: float, b: float, c: float, d: float) -> tuple[int, Sample4]:
         return T0_NS + k * self._period_ns - self.ns, self._line.step(k, a, b, c, d)
 
@@ -81,6 +94,18 @@ class Encoder:
     def set_latency_ns(self, latency_ns: int) -> None:
         """Change the latency from the next tick on (see :mod:`flexarm_ros.core.delay`)."""
         self._latency.set_ns(latency_ns)
+
+    def check_latency(self, seconds: float) -> None:
+        """Raise ``ValueError`` for a latency that cannot be set while a run goes on."""
+        self._latency.check_seconds(seconds)
+
+    def retune(self, config: RunConfig) -> None:
+        """Take the live parameters of ``config`` from the next tick on.
+
+        Raises ``ValueError`` for a latency beyond the history that is kept.
+        """
+        self._latency.set_seconds(config.encoder.latency)
+        self.resolution, self.noise_std = config.encoder.resolution, config.encoder.noise_std
 
     def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
         """Return stamp_ns, theta1, theta2, dtheta1, dtheta2 as delivered at tick ``k``.
@@ -127,6 +152,18 @@ class TipSensor:
     def set_latency_ns(self, latency_ns: int) -> None:
         """Change the latency from the next tick on (see :mod:`flexarm_ros.core.delay`)."""
         self._latency.set_ns(latency_ns)
+
+    def check_latency(self, seconds: float) -> None:
+        """Raise ``ValueError`` for a latency that cannot be set while a run goes on."""
+        self._latency.check_seconds(seconds)
+
+    def retune(self, config: RunConfig) -> None:
+        """Take the live parameters of ``config`` from the next tick on.
+
+        Raises ``ValueError`` for a latency beyond the history that is kept.
+        """
+        self._latency.set_seconds(config.tip_sensor.latency)
+        self.noise_std = config.tip_sensor.noise_std
 
     def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
         """Return stamp_ns, x, y, vx, vy of the sensed point as delivered at tick ``k``.

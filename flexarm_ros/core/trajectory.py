@@ -206,6 +206,10 @@ class Reference:
             raise ValueError(f"trajectory.delay: {delay_ns} ns, must be 0 or more")
         self._delay_ns = delay_ns
 
+    def retune(self, config: RunConfig) -> None:
+        """Take the live parameters of ``config`` from the next tick on."""
+        self.set_delay_ns(named_ns("trajectory.delay", config.trajectory.delay))
+
 
 def initial_angles(config: RunConfig) -> tuple[float, float]:
     """Return the joint angles of the start, rad: as given, or on the reference.

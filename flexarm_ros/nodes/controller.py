@@ -6,6 +6,7 @@ import copy
 from typing import ClassVar
 
 from flexarm_ros.core.control import Sample, make_law
+from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.participant import Participant
 
 
@@ -28,6 +29,10 @@ class ControllerNode(Participant):
         """Compile before the run."""
         zeros, four = (0.0,) * self._n, (0.0,) * 4
         copy.deepcopy(self._law).torque(0, Sample(zeros, zeros, (0.0, 0.0), four, four, four))
+
+    def retune(self, config: RunConfig) -> None:
+        """Let the law take its gains."""
+        self._law.retune(config)
 
     def advance(self) -> bool:
         """Compute the torque of this tick."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from typing import ClassVar
 
+from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.sensors import Encoder
 from flexarm_ros.nodes.participant import Participant
 
@@ -24,6 +25,14 @@ class EncoderNode(Participant):
     def rehearse(self) -> None:
         """Compile before the run."""
         copy.deepcopy(self._encoder).measure(0, [0.0] * self._n, [0.0] * self._n)
+
+    def check_live(self, config: RunConfig) -> None:
+        """Raise ValueError for a latency beyond the history that is kept."""
+        self._encoder.check_latency(config.encoder.latency)
+
+    def retune(self, config: RunConfig) -> None:
+        """Let the encoder take latency, resolution and noise."""
+        self._encoder.retune(config)
 
     def advance(self) -> bool:
         """Measure the state of this tick."""

@@ -46,6 +46,7 @@ class Epochs:
         me.tick, me.last_tick = 0, None
         for entry in me.inputs.values():
             entry.reset()
+        me.live.restore()
         me.build()
         me.change_phase(Phase.RESETTING, extra=self.extra())
 

@@ -9,9 +9,11 @@ from typing import Any, ClassVar
 from rclpy.node import Node
 
 from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.epochs import Epochs
 from flexarm_ros.nodes.graph import reads
+from flexarm_ros.nodes.live import ChangesInput, LiveParameters
 from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
 from flexarm_ros.nodes.parameters import declare_and_load, declare_own
@@ -59,7 +61,7 @@ class Participant(Node):
         self.inputs: dict[str, Input] = {}
         self._missing: Input | None = None
         self.outputs: dict[str, Output] = {}
-        self.side_inputs: list[ProgressInput] = []
+        self.side_inputs: list[ProgressInput | ChangesInput] = []
         self.side_outputs: list[ProgressOutput] = []
         for topic in per_tick_topics(self.config):
             if topic.node == self.ROLE:
@@ -68,6 +70,7 @@ class Participant(Node):
                 self.inputs[topic.name] = Input(self, topic)
         self.membership = Membership(self, self.board)
         self.epochs = Epochs(self)
+        self.live = LiveParameters(self)
         self.tick = 0
         self.last_tick: int | None = None
         self._moved = self._ready_at = self._looked = time.monotonic()
@@ -88,6 +91,12 @@ class Participant(Node):
     def advance(self) -> bool:
         """Do the work of ``self.tick`` as far as the inputs allow; True where any was done."""
         raise NotImplementedError
+
+    def check_live(self, config: RunConfig) -> None:
+        """Raise ValueError where this node's part cannot take a live parameter of ``config``."""
+
+    def retune(self, config: RunConfig) -> None:
+        """Let this node's part of the core take the live parameters of ``config``."""
 
     def waiting_for(self) -> tuple[str, str]:
         """Return the role that has not answered ``self.tick`` and what it owes."""
@@ -123,7 +132,11 @@ class Participant(Node):
             return False
         moved = False
         try:
-            while not self.finished and self.advance():
+            while not self.finished:
+                if self.live.waiting:
+                    self.live.apply()
+                if not self.advance():
+                    break
                 moved = True
         except Exception as error:
             self.fail(self._failure_of(error))
@@ -187,6 +200,7 @@ class Participant(Node):
                 for entries in (self.inputs, self.outputs):
                     if topic.name in entries:
                         entries[topic.name].configure(topic, self.timeline)
+            self.live.restore()
             self.build()
             self.rehearse()
             self.membership.built = True

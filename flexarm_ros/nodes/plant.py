@@ -156,8 +156,8 @@ class PlantNode(Participant):
         phase = self.board.mine.phase
         if not self.finished and phase in (Phase.RUNNING, Phase.PAUSED):
             if self.control.reset_wanted:
-                self.control.reset_wanted = False
                 self.epochs.begin(self.epochs.number + 1)
+                self.control.reset_wanted = False
             elif self.control.paused != (phase is Phase.PAUSED):
                 self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
         super().look_around(now)

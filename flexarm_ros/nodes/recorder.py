@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import Recording, finish_run, free_directory, prepare_directory
 from flexarm_ros.nodes.graph import RECORDED_TOPIC
+from flexarm_ros.nodes.live import ChangesInput
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressOutput
@@ -30,6 +31,8 @@ class RecorderNode(Participant):
         super().__init__(*args, **options)
         self._progress = ProgressOutput(self, RECORDED_TOPIC)
         self.side_outputs.append(self._progress)
+        self._changes = ChangesInput(self)
+        self.side_inputs.append(self._changes)
         self._name = str(self.get_parameter("name").value or "")
         self._recording: Recording | None = None
         self._first_wall: float | None = None
@@ -60,7 +63,7 @@ class RecorderNode(Participant):
         """Write whatever has arrived."""
         recording = self._recording
         assert recording is not None
-        state = self.inputs["plant/state"]
+        state, arrived = self.inputs["plant/state"], []
         last = self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
         try:
             for index, entry in self._entries:
@@ -68,8 +71,14 @@ class RecorderNode(Participant):
                 # References come ahead of time: none is kept that the run may not reach.
                 until = min(last, state.tick) if entry.source == "trajectory" else last
                 while tick <= until and entry.fetch(tick):
-                    recording.write(index, tick, entry.data)
+                    arrived.append((index, tick, entry.data))
                     tick += 1
+            # Whoever changes a parameter tells so before it answers the tick (`live`), so
+            # what came with these messages is here now.
+            for change in self._changes.take():
+                recording.write_change(change)
+            for index, tick, data in arrived:
+                recording.write(index, tick, data)
         except BagError as error:
             recording.abandon()
             self._recording = None

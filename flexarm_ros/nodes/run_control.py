@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -22,11 +23,15 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from flexarm_ros.nodes.simulation_services import offer_standard_services
+from flexarm_ros.nodes.status import Phase
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.plant import PlantNode
 
 _FASTEST = 1e6
+GOING = (Phase.RUNNING, Phase.PAUSED)
+WAIT_S = 60.0
+"""Wall time that a service may take at the longest."""
 
 
 class RunControl:
@@ -105,6 +110,45 @@ class RunControl:
             self._resting = False
         return True
 
+    def reset(self) -> str:
+        """Start the run again at tick 0; return when that is done, or why it is not."""
+        plant = self._plant
+        if not self.going:
+            return f"no run goes on ({plant.board.mine.phase.value})"
+        self.reset_wanted = True
+        return (
+            ""
+            if self._wait(lambda: not self.reset_wanted and self.going)
+            else (f"not done within {WAIT_S:g} s, or the run has ended")
+        )
+
+    def _wait(self, done: Callable[[], bool]) -> bool:
+        """Wait on the services' thread, while the run goes on, until ``done``."""
+        deadline = time.monotonic() + WAIT_S
+        while not done():
+            if self._plant.finished or time.monotonic() > deadline:
+                return False
+            time.sleep(0.001)
+        return True
+
+    def finish_steps(self) -> bool:
+        """Wait until the ticks that were asked for are done; False where they cannot be."""
+        return self._wait(lambda: not self.stepping)
+
+    @property
+    def over(self) -> bool:
+        """Whether the plant has left its run."""
+        return self._plant.finished
+
+    def quit(self) -> None:
+        """End the run in good order, as Ctrl-C does."""
+        self._plant.interrupted += 1
+
+    @property
+    def going(self) -> bool:
+        """Whether the plant is in a run, paused or not."""
+        return not self._plant.finished and self._plant.board.mine.phase in GOING
+
     @property
     def stepping(self) -> bool:
         """Whether a paused run has ticks to finish: those asked for, or the one that was out."""
@@ -122,8 +166,8 @@ class RunControl:
         return response
 
     def _reset(self, _: Any, response: Any) -> Any:
-        self.reset_wanted = True
-        response.success, response.message = True, "starting again at tick 0"
+        problem = self.reset()
+        response.success, response.message = not problem, problem or "started again at tick 0"
         return response
 
     def _state(self, _: Any, response: Any) -> Any:

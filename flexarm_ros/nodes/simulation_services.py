@@ -1,13 +1,14 @@
 """The standard services of simulation_interfaces, where that package is installed.
 
 ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
-``step_simulation`` and ``reset_simulation``, with the standard's results.
+``step_simulation`` and ``reset_simulation``, with the results that the
+comments of the standard's ``.srv`` files ask for (version 1.0 to 2.1).  Worlds
+and entities are none of this simulator's.
 """
 
 from __future__ import annotations
 
 import importlib
-import time
 from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
@@ -15,7 +16,8 @@ from rclpy.node import Node
 if TYPE_CHECKING:
     from flexarm_ros.nodes.run_control import RunControl
 
-_STEP_LIMIT_S = 60.0
+_TIME_AND_STATE = 1 | 2
+"""ResetSimulation's SCOPE_TIME and SCOPE_STATE; nothing is ever spawned (4)."""
 
 
 def offer_standard_services(node: Node, control: RunControl) -> bool:
@@ -25,7 +27,7 @@ def offer_standard_services(node: Node, control: RunControl) -> bool:
         msg = importlib.import_module("simulation_interfaces.msg")
     except ImportError:
         return False
-    standard = StandardServices(control, msg)
+    standard = StandardServices(control, msg, srv)
     for kind, name, action in (
         (srv.GetSimulatorFeatures, "get_simulator_features", standard.features),
         (srv.GetSimulationState, "get_simulation_state", standard.state),
@@ -38,59 +40,92 @@ def offer_standard_services(node: Node, control: RunControl) -> bool:
 
 
 class StandardServices:
-    """The services' actions; ``msg`` is the package's module of messages."""
+    """The services' actions; ``msg`` and ``srv`` are the package's modules."""
 
-    def __init__(self, control: RunControl, msg: Any) -> None:
+    def __init__(self, control: RunControl, msg: Any, srv: Any) -> None:
         self._control = control
         self._features = msg.SimulatorFeatures
         self._states = msg.SimulationState
         self._result = msg.Result
+        self._set_state = srv.SetSimulationState.Response
+        self._stopped = False
+
+    def _answer(self, response: Any, problem: str = "", code: int | None = None) -> Any:
+        """Fill in the result: OK without a ``problem``, else ``code`` or OPERATION_FAILED."""
+        failed = self._result.RESULT_OPERATION_FAILED if code is None else code
+        response.result.result = failed if problem else self._result.RESULT_OK
+        response.result.error_message = problem
+        return response
 
     def features(self, _: Any, response: Any) -> Any:
         """Say what can be asked of this simulator."""
         kinds = self._features
         response.features.features = [
-            kinds.SIMULATION_RESET, kinds.SIMULATION_RESET_TIME, kinds.SIMULATION_STATE_GETTING,
-            kinds.SIMULATION_STATE_SETTING, kinds.SIMULATION_STATE_PAUSE,
-            kinds.STEP_SIMULATION_SINGLE, kinds.STEP_SIMULATION_MULTIPLE,
+            kinds.SIMULATION_RESET, kinds.SIMULATION_STATE_GETTING, kinds.SIMULATION_STATE_SETTING,
+            kinds.SIMULATION_STATE_PAUSE, kinds.STEP_SIMULATION_SINGLE,
+            kinds.STEP_SIMULATION_MULTIPLE,
         ]  # fmt: skip
+        response.features.custom_info = "flexarm_ros: a step is one tick, /**.control_period"
         return response
+
+    def current(self) -> int:
+        """Return the state in the standard's terms; before the first tick it is stopped."""
+        states, control = self._states, self._control
+        if control.over:
+            return int(states.STATE_QUITTING)
+        if not control.going:
+            return int(states.STATE_STOPPED)
+        if not control.paused:
+            self._stopped = False  # somebody has used the other services
+            return int(states.STATE_PLAYING)
+        return int(states.STATE_STOPPED if self._stopped else states.STATE_PAUSED)
 
     def state(self, _: Any, response: Any) -> Any:
-        """Say whether the run goes on or is paused."""
-        paused = self._control.paused
-        response.state.state = self._states.STATE_PAUSED if paused else self._states.STATE_PLAYING
-        response.result.result = self._result.RESULT_OK
-        return response
+        """Say whether the run goes on, is paused or stopped."""
+        response.state.state = self.current()
+        return self._answer(response)
 
     def set_state(self, request: Any, response: Any) -> Any:
-        """Pause or go on; other states are not this simulator's."""
-        wanted = request.state.state
-        if wanted in (self._states.STATE_PLAYING, self._states.STATE_PAUSED):
-            self._control.pause(wanted == self._states.STATE_PAUSED)
-            response.result.result = self._result.RESULT_OK
-        else:
-            response.result.result = self._result.RESULT_FEATURE_UNSUPPORTED
-            response.result.error_message = "allowed: STATE_PLAYING, STATE_PAUSED"
-        return response
+        """Play, pause, stop (pause and reset) or quit."""
+        wanted, states = request.state.state, self._states
+        names = {
+            states.STATE_PLAYING: "PLAYING", states.STATE_PAUSED: "PAUSED",
+            states.STATE_STOPPED: "STOPPED", states.STATE_QUITTING: "QUITTING",
+        }  # fmt: skip
+        if wanted not in names:
+            text = f"state {wanted}: allowed: " + ", ".join(f"STATE_{n}" for n in names.values())
+            return self._answer(response, text, self._result.RESULT_FEATURE_UNSUPPORTED)
+        if wanted == self.current():
+            code = self._set_state.ALREADY_IN_TARGET_STATE
+            return self._answer(response, f"already {names[wanted].lower()}", code)
+        if self._control.over:
+            code = self._set_state.INCORRECT_TRANSITION
+            return self._answer(response, "the run has ended", code)
+        problem = self._enter(wanted)
+        return self._answer(response, problem, self._set_state.STATE_TRANSITION_ERROR)
+
+    def _enter(self, wanted: int) -> str:
+        """Go to a state; return what went wrong."""
+        if wanted == self._states.STATE_QUITTING:
+            self._control.quit()
+            return ""
+        self._control.pause(wanted != self._states.STATE_PLAYING)
+        problem = self._control.reset() if wanted == self._states.STATE_STOPPED else ""
+        self._stopped = wanted == self._states.STATE_STOPPED and not problem
+        return problem
 
     def step(self, request: Any, response: Any) -> Any:
         """Do ``steps`` ticks of a paused run; answers when they are done."""
         if not self._control.step(int(request.steps)):
-            response.result.result = self._result.RESULT_INCORRECT_STATE
-            response.result.error_message = "pause first"
-            return response
-        deadline = time.monotonic() + _STEP_LIMIT_S
-        while self._control.stepping and time.monotonic() < deadline:
-            time.sleep(0.001)
-        done = not self._control.stepping
-        response.result.result = (
-            self._result.RESULT_OK if done else self._result.RESULT_OPERATION_FAILED
-        )
-        return response
+            return self._answer(response, "not paused: pause first")
+        self._stopped = False
+        done = self._control.finish_steps()
+        return self._answer(response, "" if done else "the run ended before that, or took too long")
 
     def reset(self, request: Any, response: Any) -> Any:
         """Start again at tick 0; state and time cannot be reset apart."""
-        self._control.reset_wanted = True
-        response.result.result = self._result.RESULT_OK
-        return response
+        scope = int(request.scope)
+        if scope and scope & _TIME_AND_STATE != _TIME_AND_STATE:
+            text = f"scope {scope}: state and time are reset together: 0, 3 or 255"
+            return self._answer(response, text, self._result.RESULT_FEATURE_UNSUPPORTED)
+        return self._answer(response, self._control.reset())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
+from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.trajectory import Reference
 from flexarm_ros.nodes.graph import TICK_TOPIC
 from flexarm_ros.nodes.participant import Participant
@@ -41,6 +42,10 @@ class TrajectoryNode(Participant):
         """Start when all are ready: who is still resetting would throw the first messages away."""
         if self.membership.all_ready(self.epochs.number):
             self.start()
+
+    def retune(self, config: RunConfig) -> None:
+        """Let the reference take the delay, from the first tick that is not published."""
+        self._reference.retune(config)
 
     def advance(self) -> bool:
         """Publish references up to `AHEAD` ticks beyond the plant's."""

@@ -266,7 +266,7 @@ def _build(values: Values, torques: Torques = (), torque_base: Path | None = Non
         torques = read_torques(torque_base / controller.torque_file)
     elif controller.law != "open_loop":
         torques = ()
-    assert set(sections) | {"torques"} == {field.name for field in fields(RunConfig)}
+    assert set(sections) | {"torques", "changes"} == {field.name for field in fields(RunConfig)}
     config = RunConfig(**sections, torques=torques)
     check(config)
     return config

@@ -30,13 +30,17 @@ class Sample(NamedTuple):
 class Law:
     """A control law: a function of the tick's sample, with a state of its own if need be.
 
-    ``config`` may be replaced between ticks by one with other live gains.
+    Between ticks `retune` may give it other live gains.
     """
 
     gain: float = math.nan
     """The factor lambda of the last tick; nan where the law has none."""
 
     def __init__(self, config: RunConfig) -> None:
+        self.config = config
+
+    def retune(self, config: RunConfig) -> None:
+        """Take the live gains of ``config`` from the next tick on; the state is kept."""
         self.config = config
 
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:

@@ -1,0 +1,76 @@
+"""Live parameters in a bag: one ``rcl_interfaces/ParameterEvent`` for each change.
+
+The topic is in a bag only where a parameter was set while the run went on, so
+that the bytes of all other runs do not depend on it.  Log time and stamp are
+those of the first tick with the new value.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from flexarm_ros.bag.foreign import message, typestore
+from flexarm_ros.bag.topics import Qos
+from flexarm_ros.core.changes import Change
+from flexarm_ros.core.parameters import SECTIONS, specs
+from flexarm_ros.core.timeline import NS_PER_S, T0_NS
+
+TOPIC = "lockstep/changes"
+"""Relative name, as the nodes publish it."""
+
+PATH = "/" + TOPIC
+TYPE = "rcl_interfaces/msg/ParameterEvent"
+QOS = Qos(durability="transient_local")
+_DOUBLE = 3
+"""rcl_interfaces/msg/ParameterType.PARAMETER_DOUBLE"""
+
+
+def encode(change: Change, period_ns: int) -> bytes:
+    """Return a change as a serialized ParameterEvent."""
+    types = typestore().types
+    none: Any = np.array([], np.uint8)
+    value = types["rcl_interfaces/msg/ParameterValue"](
+        type=_DOUBLE, bool_value=False, integer_value=0, double_value=change.value,
+        string_value="", byte_array_value=none, bool_array_value=none.astype(bool),
+        integer_array_value=none.astype(np.int64), double_array_value=none.astype(np.float64),
+        string_array_value=[],
+    )  # fmt: skip
+    parameter = types["rcl_interfaces/msg/Parameter"](name=change.key, value=value)
+    stamp_ns = T0_NS + change.tick * period_ns
+    event = types[TYPE](
+        stamp=types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, NS_PER_S)),
+        node=change.node, new_parameters=[], changed_parameters=[parameter],
+        deleted_parameters=[],
+    )  # fmt: skip
+    return bytes(typestore().serialize_cdr(event, TYPE))
+
+
+def decode(data: bytes, period_ns: int) -> Change:
+    """Undo `encode`; ValueError where the message is no such change."""
+    event = message(TYPE, data)
+    stamp_ns = event.stamp.sec * NS_PER_S + event.stamp.nanosec
+    tick, rest = divmod(stamp_ns - T0_NS, period_ns)
+    if rest or tick < 0 or len(event.changed_parameters) != 1:
+        raise ValueError("a change of one parameter at a tick is expected")
+    parameter = event.changed_parameters[0]
+    return checked(Change(int(tick), event.node, parameter.name, parameter.value.double_value))
+
+
+def checked(change: Change) -> Change:
+    """Return ``change``; ValueError where it names no live parameter or its value is not allowed.
+
+    What came over the network or from a file is checked as a scenario is.
+    """
+    section = SECTIONS.get(change.node)
+    entry = specs(section).get(change.key) if section and change.node != "/**" else None
+    if entry is None or not entry[1].live:
+        raise ValueError(f"{change.node}.{change.key}: no parameter that may change in a run")
+    spec, value = entry[1], change.value
+    low = -math.inf if spec.low is None else spec.low
+    high = math.inf if spec.high is None else spec.high
+    if not low <= value <= high or (spec.low_open and value == low):
+        raise ValueError(f"{change.node}.{change.key}: {value!r} is out of range")
+    return change

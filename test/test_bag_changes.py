@@ -1,0 +1,121 @@
+"""Live parameters in a bag: read back, verified, rescued, and open to others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.changes import decode, encode
+from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.recompute import loop_messages
+from flexarm_ros.bag.recover import recover
+from flexarm_ros.bag.topics import TIP, per_tick_topics
+from flexarm_ros.bag.verify import verify
+from flexarm_ros.bag.writer import BagWriter
+from flexarm_ros.core.changes import Change
+from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.parameters import RunConfig, changed
+
+CHANGES = (
+    Change(40, "controller", "kp", 80.0),
+    Change(60, "tip_sensor", "noise_std", 0.01),
+    Change(60, "tip_sensor", "latency", 0.0405),
+    Change(61, "encoder", "resolution", 0.001),
+    Change(90, "trajectory", "delay", 0.02),
+    Change(90, "controller", "kn", 4.0),
+)
+
+
+def write_bag(path: Path, config: RunConfig, late: bool = False) -> Path:
+    """Fly ``config`` with its changes and write the bag as the recorder node does."""
+    loop = ClosedLoop(config)
+    with BagWriter(path / "bag", replace(config, changes=())) as writer:
+        for change in () if late else config.changes:
+            writer.write_change(change)
+        while (record := loop.tick()) is not None:
+            codecs = [topic.codec for topic in per_tick_topics(loop.config)]
+            for i, (stamp, values) in enumerate(
+                loop_messages(record, loop.timeline.stamp_ns(record.k))
+            ):
+                writer.write(i, record.k, codecs[i].encode(stamp, *values))
+        for change in config.changes if late else ():
+            writer.write_change(change)
+    return path
+
+
+@pytest.fixture(scope="module")
+def config() -> RunConfig:
+    return replace(scenario.load("fls_tip", ["duration=0.15"]), changes=CHANGES)
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["in time", "late"])
+def test_changes_are_read_back_and_the_run_verifies(
+    tmp_path: Path, config: RunConfig, late: bool
+) -> None:
+    path = write_bag(tmp_path, config, late)
+    assert BagReader(path).config == config
+    verdict = verify(path)
+    assert verdict.same, (verdict.earliest, verdict.faults)
+    assert verdict.compared["closed loop"] == 6 * 150
+
+
+def test_a_run_without_a_change_differs_from_its_tick_on(config: RunConfig) -> None:
+    for change in config.changes:
+        others = tuple(c for c in config.changes if c != change)
+        forged = replace(config, changes=others)
+        loop, told = ClosedLoop(config), ClosedLoop(forged)
+        while (a := loop.tick()) is not None and (b := told.tick()) is not None:
+            same = (a.encoder, a.tip, a.reference, a.torque) == (
+                b.encoder, b.tip, b.reference, b.torque)  # fmt: skip
+            assert same or a.k >= change.tick
+        assert not same, change
+
+
+def test_covariance_follows_the_noise(tmp_path: Path, config: RunConfig) -> None:
+    reader = BagReader(write_bag(tmp_path, config))
+    noisy = per_tick_topics(changed(config, CHANGES[1]))[TIP].codec
+    ideal = per_tick_topics(config)[TIP].codec
+    for tick, topic, data in reader.messages():
+        if topic == TIP:
+            (noisy if tick >= 60 else ideal).decode(data)
+
+
+def test_changes_survive_a_rescue(tmp_path: Path, config: RunConfig) -> None:
+    path = write_bag(tmp_path / "run", config)
+    file = path / "bag" / "bag_0.mcap"
+    file.write_bytes(file.read_bytes()[:-200])  # the index is lost
+    rescue = recover(path, tmp_path / "new")
+    assert rescue.whole
+    assert not rescue.dropped
+    assert BagReader(tmp_path / "new").config.changes == CHANGES
+    assert verify(tmp_path / "new").same
+
+
+def test_other_readers_see_them(tmp_path: Path, config: RunConfig) -> None:
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([write_bag(tmp_path, config) / "bag"]) as bag:
+        (connection,) = [c for c in bag.connections if c.topic == "/lockstep/changes"]
+        assert connection.msgcount == len(CHANGES)
+        events = [
+            bag.deserialize(data, connection.msgtype) for _, _, data in bag.messages([connection])
+        ]
+    assert [(e.node, e.changed_parameters[0].name) for e in events] == [c[1:3] for c in CHANGES]
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        Change(5, "controller", "law", 1.0),
+        Change(5, "controller", "kn", 0.0),
+        Change(5, "nobody", "kp", 1.0),
+        Change(5, "/**", "duration", 1.0),
+        Change(5, "encoder", "latency", float("nan")),
+    ],
+)
+def test_a_change_that_is_not_allowed_is_refused(bad: Change) -> None:
+    with pytest.raises(ValueError, match=r"no parameter|out of range"):
+        decode(encode(bad, 1_000_000), 1_000_000)
