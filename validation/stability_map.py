@@ -1,9 +1,9 @@
 """The tables and pictures of docs/stability.md.
 
-    python validation/stability_map.py              # everything: some 20 minutes on two cores
-    python validation/stability_map.py sweeps       # or one part of it:
-    python validation/stability_map.py boundary hub speed gain growth fls
-    python validation/stability_map.py pictures     # from the tables in docs/data
+    python -m validation.stability_map              # everything: some 20 minutes on two cores
+    python -m validation.stability_map sweeps       # or one part of it:
+    python -m validation.stability_map boundary hub speed gain growth fls
+    python -m validation.stability_map pictures     # from the tables in docs/data
 
 Tables go to docs/data, pictures to docs/images.  Sweeps keep their state below runs/ and go
 on where they were cut off.
@@ -243,7 +243,7 @@ def growth() -> None:
 
 def fls() -> None:
     """The FLS over K_s, number of functions, rules and K_n, beside a constant gain."""
-    import fls_study
+    from validation import fls_study
 
     write("stability_fls", spread(fls_study.row, fls_study.tasks()))
     write("stability_fls_flight", fls_study.flight())
