@@ -62,7 +62,17 @@ NOTEBOOK = ["control", "gymnasium", "pandas", "xarray"]
 EXTRAS = {
     # rclpy and the messages as wheels, for a machine without a ROS 2 install.
     "ros": ["ros-rclpy[fastrtps]>=7.1", "ros-common-interfaces"],
-    "dev": ["hypothesis", "mypy", "pytest", "ruff", "types-PyYAML", *DOCS, *NOTEBOOK],
+    "dev": [
+        # Another multibody code, in tests and `make validate` only; it has wheels for these alone.
+        "exudyn; platform_machine == 'x86_64' and python_version < '3.14'",
+        "hypothesis",
+        "mypy",
+        "pytest",
+        "ruff",
+        "types-PyYAML",
+        *DOCS,
+        *NOTEBOOK,
+    ],
     "docs": DOCS,
     "notebook": NOTEBOOK,
     "pandas": ["pandas"],

@@ -1,0 +1,59 @@
+"""The full model against another multibody code; the long motions are slow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from validation.cases import CASES
+from validation.motion import Difference, compare, fly, full_plant
+
+pytest.importorskip("exudyn", reason="has wheels for x86_64 only")
+from validation import exudyn_arm
+from validation.another_code import LIMIT, TIP_LIMIT
+
+
+@cache
+def solved(name: str, mesh: exudyn_arm.Mesh, duration: float) -> np.ndarray:
+    return exudyn_arm.solve(replace(CASES[name], duration=duration), mesh)
+
+
+def difference(name: str, mesh: exudyn_arm.Mesh, duration: float) -> Difference:
+    case, reference = replace(CASES[name], duration=duration), solved(name, mesh, duration)
+    assert len(reference) == round(duration / exudyn_arm.EVERY) + 1
+    motion = fly(full_plant(modes=4, payload_mass=case.payload), case, every=20)
+    # The two do move, and as far as the case is meant to.
+    assert np.ptp(reference[:, 1]) > 0.05
+    return compare(motion[: len(reference)], reference)
+
+
+def judge(found: Difference) -> None:
+    assert max(found.angles) < LIMIT
+    assert found.tip_of_range < LIMIT
+    assert found.tip < TIP_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("name", "duration"),
+    [("shoulder_pulse", 3.0), ("pulses_both", 2.0), ("free_bent", 2.0), ("payload_pulse", 1.5)],
+)
+def test_pulses_and_free_flight(name: str, duration: float) -> None:
+    """Deflections up to 4.6 % of the length; on a mesh that is coarse but fine enough for 1 %."""
+    judge(difference(name, exudyn_arm.COARSE, duration))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["torques_both", "torques_opposed", "free_bent"])
+def test_five_seconds(name: str) -> None:
+    judge(difference(name, exudyn_arm.FINE, 5.0))
+
+
+def test_the_comparison_would_see_a_stiffness_wrong_by_a_tenth() -> None:
+    case = CASES["shoulder_pulse"]
+    reference = solved("shoulder_pulse", exudyn_arm.COARSE, 3.0)
+    plant = full_plant(modes=4, flexural_rigidity=(1.1 * 1676.0, 1.1 * 1676.0))
+    found = compare(fly(plant, case, every=20)[: len(reference)], reference)
+    assert max(found.angles) > LIMIT
