@@ -115,7 +115,7 @@ class Membership:
             self.foreign.discard(role)
             return True
         topic = OUTPUT.get(role)
-        if topic is None or not self._strangers(topic):
+        if topic is None or not self._listening(role, self._strangers(topic)):
             self._foreign_since.pop(role, None)
             return False
         since = self._foreign_since.setdefault(role, now)
@@ -123,6 +123,23 @@ class Membership:
             return False
         self.foreign.add(role)
         return True
+
+    def _listening(self, role: str, strangers: list[Any]) -> bool:
+        """Whether these publishers' node reads what ``role`` answers, as far as the graph shows.
+
+        Discovery shows a node's publishers before its subscriptions: to begin
+        in between would cost it the first message.
+        """
+        senders = {bytes(endpoint.endpoint_gid)[:12] for endpoint in strangers}
+        topics = [name for name, roles in READERS.items() if role in roles]
+        readers = {
+            bytes(endpoint.endpoint_gid)[:12]
+            for name in topics
+            for endpoint in self._me.get_subscriptions_info_by_topic(
+                self._me.resolve_topic_name(name)
+            )
+        }
+        return bool(senders & readers if topics else senders)
 
     def _strangers(self, topic: str) -> list[Any]:
         """Return the publishers of ``topic`` that belong to no participant."""
