@@ -102,6 +102,9 @@ setup(
     data_files=shared_files(),
     install_requires=REQUIREMENTS,
     extras_require=EXTRAS,
-    entry_points={"console_scripts": ["flexarm = flexarm_ros.cli:main"]},
+    entry_points={
+        "console_scripts": ["flexarm = flexarm_ros.cli:main"],
+        "pytest11": ["flexarm = flexarm_ros.launcher.pytest_plugin"],
+    },
     zip_safe=False,
 )

@@ -96,6 +96,17 @@ def test_a_number_that_is_not_known_neither_holds_nor_fails(metrics: dict[str, A
     assert compared.check({"a": metrics}).holds is None
 
 
+def test_null_is_what_a_run_does_not_know() -> None:
+    """A run that was broken off is neither stable nor unstable."""
+    broken = {"stable": None, "max_error": None, "ticks": 7}
+    assert outcomes("{stable: null, max_error: {eq: null}}", broken) == [True] * 2
+    assert outcomes("{stable: {ne: true}, max_error: {ne: 1.0}}", broken) == [True] * 2
+    assert outcomes("{stable: {ne: null}, ticks: null}", broken) == [False] * 2
+    assert outcomes("{ticks: {ne: null}}", broken) == [True]
+    assert outcomes("{stable: true}", broken) == [None]
+    assert outcomes("{stable: null, unstable_tick: null}", {"stable": True}) == [False, True]
+
+
 RUNS = {
     "a": {"max_error": 2.0, "overshoot": [0.1, 0.4]},
     "b": {"max_error": 3.0, "overshoot": [0.3, 0.2]},

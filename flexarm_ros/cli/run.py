@@ -10,6 +10,7 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.own_nodes import REPLACEABLE, add_option, own_nodes
 from flexarm_ros.cli.signals import Deferred
 
 _NO_ROS = (
@@ -44,18 +45,16 @@ def add_parser(subparsers: Any) -> None:
         help="ROS_DOMAIN_ID (default: that of the environment, else a free one)",
     )  # fmt: skip
     parser.add_argument(
-        "--without", action="append", default=[], choices=_REPLACEABLE, metavar="NODE",
+        "--without", action="append", default=[], choices=REPLACEABLE, metavar="NODE",
         help="do not start NODE: one of yours takes its place; repeats "
-        f"({', '.join(_REPLACEABLE)})",
+        f"({', '.join(REPLACEABLE)})",
     )  # fmt: skip
+    add_option(parser)
     parser.add_argument(
         "--network", action="store_true",
         help="let nodes on other machines take part (default: this machine only)",
     )  # fmt: skip
     parser.add_argument("--no-pictures", action="store_true", help="write no pictures")
-
-
-_REPLACEABLE = ("encoder", "tip_sensor", "trajectory", "controller")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -76,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
         rtf=args.rtf,
         domain=args.domain if args.domain is not None else environment_domain(),
         without=tuple(args.without),
+        nodes=own_nodes(args.nodes),
         discovery="SUBNET" if args.network else "LOCALHOST",
     )
     with Deferred() as signals, Progress(config, name) as progress:

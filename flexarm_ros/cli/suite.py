@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.own_nodes import add_option, own_nodes
 from flexarm_ros.cli.signals import Deferred
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def add_parser(subparsers: Any) -> None:
         "--mode", choices=("run", "compose", "simulate"),
         help="fly every case so, whatever the suite says",
     )  # fmt: skip
+    add_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
     suite = load(args.suite)
     if args.mode:
         suite = replace(suite, cases=tuple(_flown(case, args.mode) for case in suite.cases))
+    nodes = own_nodes(args.nodes)
     processes = any(case.mode != "simulate" for case in suite.cases)
     if processes and importlib.util.find_spec("rclpy") is None:
         raise UsageError("rclpy is not installed (`make env`); --mode simulate needs no ROS")
@@ -56,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     with Deferred() as signals, SuiteTable(suite) as table:
         result = run_suite(
             suite, out, args.jobs or default_jobs(suite), table.update,
-            lambda: bool(signals.signum),
+            lambda: bool(signals.signum), nodes,
         )  # fmt: skip
     print_result(result)
     if args.junit:

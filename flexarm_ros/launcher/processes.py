@@ -11,8 +11,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from flexarm_ros.launcher.litter import Litter
@@ -29,6 +31,8 @@ class Report:
     """What the nodes have told so far."""
 
     tick: int = 0
+    held: int = 0
+    """Tick before which the plant was last told to hold."""
     directory: str = ""
     started_at: float | None = None
     ended_at: float | None = None
@@ -46,7 +50,7 @@ class Report:
         if role == "plant" and phase == "running":
             self.started_at = float(line["at"])
         if phase == "held":
-            self.held_at = int(line["tick"])
+            self.held_at = self.held = int(line["tick"])
         if phase == "unstable":
             self.unstable, self.unstable_tick = line["text"], int(line["tick"])
         if phase == "failed":
@@ -58,8 +62,15 @@ class Report:
 class NodeProcesses:
     """The processes of a run; a context manager that leaves none behind."""
 
-    def __init__(self, commands: dict[str, list[str]], env: dict[str, str], logs: Path) -> None:
+    def __init__(
+        self,
+        commands: Mapping[str, Sequence[str]],
+        env: dict[str, str],
+        logs: Path,
+        foreign: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    ) -> None:
         self.report = Report()
+        self.foreign = frozenset(foreign)
         self._logs = logs
         self._litter = Litter()
         self._noted_at = 0.0
@@ -86,6 +97,8 @@ class NodeProcesses:
                         stderr=subprocess.STDOUT, pass_fds=(write, alive_read),
                         start_new_session=True,
                     )  # fmt: skip
+            for name, command in foreign.items():
+                self.running[name] = _start_foreign(command, env, logs / f"{name}.log")
         except BaseException:
             self.kill()
             raise
@@ -119,6 +132,14 @@ class NodeProcesses:
             expected = bool(told) if name == "compose" else self._ending or name in told
             if not expected:
                 self.deaths.append((name, status))
+        if "plant" in self.report.done and not self._ending:
+            # Somebody else's nodes may leave behind the last tick.
+            self.deaths = [death for death in self.deaths if death[0] not in self.foreign]
+
+    @property
+    def ours(self) -> list[str]:
+        """Names of the running nodes that are not somebody else's: those end by themselves."""
+        return [name for name in self.running if name not in self.foreign]
 
     def _take_reports(self) -> None:
         while True:
@@ -205,7 +226,8 @@ class NodeProcesses:
     def _obituary(self, name: str, status: int) -> str:
         """Say when and how a node ended that should not have."""
         begun = self.report.started_at is not None
-        when = f"tick {self.report.tick}: ended" if begun else "start: ended"
+        tick = max(self.report.tick, self.report.held)  # the recorder reports late
+        when = f"tick {tick}: ended" if begun else "start: ended"
         if status < 0:
             return f"{name}: {when}, killed by {signal.Signals(-status).name}"
         return f"{name}: {when} with exit status {status}{self._last_words(name)}"
@@ -226,6 +248,20 @@ def _nearness(line: dict[str, Any]) -> int:
     """Order verdicts: the controller knows its sensors, the plant the controller."""
     order = ("controller", "plant", "recorder", "trajectory", "encoder", "tip_sensor")
     return order.index(line["role"]) if line["role"] in order else len(order)
+
+
+def _start_foreign(
+    command: Sequence[str], env: Mapping[str, str], log_file: Path
+) -> subprocess.Popen[bytes]:
+    """Start somebody else's node: where and with what Python path the user stands."""
+    env = {key: value for key, value in env.items() if key != "PYTHONPATH"}
+    if "PYTHONPATH" in os.environ:
+        env["PYTHONPATH"] = os.environ["PYTHONPATH"]
+    with open(log_file, "wb") as log:
+        return subprocess.Popen(
+            command, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
 
 
 def node_command(role: str, arguments: list[str]) -> list[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,9 +18,12 @@ from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
-from flexarm_ros.launcher.processes import NodeProcesses, node_command
+from flexarm_ros.launcher.processes import END_GRACE_S, NodeProcesses, node_command
 
 ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+REPLACEABLE = ("encoder", "tip_sensor", "trajectory", "controller")
+"""Roles whose place a node of the user's can take."""
+
 _LEAVING_S = 5.0
 """Wall time without any progress in which a node must leave once the plant has."""
 
@@ -29,13 +34,15 @@ class RunOptions:
 
     ``rtf`` holds the run to a multiple of real time (0: as fast as it goes);
     ``domain`` is None for a free one; ``without`` lists roles that somebody
-    else's nodes fill; ``discovery`` is ROS_AUTOMATIC_DISCOVERY_RANGE.
+    else's nodes fill, ``nodes`` those whose command is given: started with the
+    others, ended with the run; ``discovery`` is ROS_AUTOMATIC_DISCOVERY_RANGE.
     """
 
     compose: bool = False
     rtf: float = 0.0
     domain: int | None = None
     without: tuple[str, ...] = ()
+    nodes: Mapping[str, Sequence[str]] = field(default_factory=dict)
     discovery: str = "LOCALHOST"
 
 
@@ -74,13 +81,15 @@ def run_scenario(
     says True the run is ended in good order.  Raises NoDomainError, OSError or
     BagError before anything is started.
     """
+    check_commands(options.nodes)
     with reserved_domain(options.domain) as domain:
         prepare_directory(directory, config, name)
         announce(f"ROS_DOMAIN_ID={domain}")
         warm_up(config)
         commands = _commands(config, name, directory, options, faults)
         outcome = Outcome(directory)
-        with NodeProcesses(commands, _environment(domain, options), directory / "logs") as nodes:
+        environment, logs = _environment(domain, options), directory / "logs"
+        with NodeProcesses(commands, environment, logs, options.nodes) as nodes:
             outcome.interrupted = _supervise(nodes, config, watch, stop, faults)
             outcome.problem = nodes.blame(outcome.interrupted)
             report = nodes.report
@@ -93,6 +102,16 @@ def run_scenario(
         unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
     )  # fmt: skip
     return outcome
+
+
+def check_commands(nodes: Mapping[str, Sequence[str]]) -> None:
+    """See that the commands of somebody else's nodes can be started; FileNotFoundError if not."""
+    for role, words in nodes.items():
+        if role not in REPLACEABLE:
+            raise ValueError(f"{role}: not a node to replace: {', '.join(REPLACEABLE)}")
+        if not words or shutil.which(words[0]) is None:
+            name = words[0] if words else ""
+            raise FileNotFoundError(errno.ENOENT, f"{role}: no such command", name)
 
 
 def _commands(
@@ -117,7 +136,7 @@ def _commands(
             f"recorder:name:={quoted(name)}",
         ],
     }
-    roles = [role for role in ROLES if role not in options.without]
+    roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
     if options.compose:
         every = [value for role in roles for value in own.get(role, [])]
         return {"compose": node_command("compose", arguments + _overrides(every))}
@@ -152,7 +171,7 @@ def _supervise(
     """Watch the nodes until all have left; True where ``stop`` ended the run."""
     total = round(config.run.duration / config.run.control_period)
     leaving = _Leaving(max(_LEAVING_S, config.run.tick_timeout))
-    while nodes.running:
+    while nodes.ours:
         nodes.poll(0.05)
         if faults is not None:
             faults(nodes)
@@ -163,12 +182,15 @@ def _supervise(
             return True
         if nodes.deaths or nodes.report.failures:
             nodes.poll(0.3)  # a verdict nearer to the cause may be on its way
+            if not nodes.deaths and not nodes.report.failures:
+                continue
             nodes.interrupt_run(times=2)
-            nodes.end()
+            nodes.end(max(END_GRACE_S, config.run.tick_timeout))
             return False
         if "plant" in nodes.report.done:
             leaving.check(nodes)
     watch(nodes.report.tick, total)
+    nodes.end(0.0)  # somebody else's nodes need not know that the run is over
     return False
 
 
@@ -183,10 +205,10 @@ class _Leaving:
     def check(self, nodes: NodeProcesses) -> None:
         """Blame whoever is still there when nothing has happened for the limit."""
         now = time.monotonic()
-        state = (len(nodes.running), nodes.report.tick)
+        state = (len(nodes.ours), nodes.report.tick)
         if state != self._state:
             self._state, self._since = state, now
         elif now - self._since > self._limit_s:
-            late = ", ".join(nodes.running)
+            late = ", ".join(nodes.ours)
             text = f"tick {nodes.report.tick}: did not leave within {self._limit_s:g} s of the end"
             nodes.report.failures.append({"role": late, "blame": late, "text": text})

@@ -7,10 +7,11 @@ import os
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from flexarm_ros.bag.errors import BagError
@@ -61,6 +62,17 @@ class SuiteResult:
             and not any(failed for _, _, failed, _ in self.claims)
         )
 
+    def failures(self) -> list[str]:
+        """Return a line for each case, comparison and claim that fails; none: it passes."""
+        found = [
+            f"{case.case.name}: {outcome.text}"
+            for case in self.cases
+            for outcome in case.outcomes
+            if not outcome.holds
+        ]
+        found += [outcome.text for outcome in self.comparisons if not outcome.holds]
+        return found + [f"{text}: {verdict}" for text, verdict, failed, _ in self.claims if failed]
+
 
 def case_directory(out: Path, name: str) -> Path:
     """Return a case's directory; characters that a file name should not have become ``_``."""
@@ -80,16 +92,19 @@ def run_suite(
     jobs: int,
     watch: Callable[[Case, str], None] = lambda *_: None,
     stop: Callable[[], bool] = lambda: False,
+    nodes: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> SuiteResult:
     """Fly every case below ``out`` and judge the suite.
 
-    ``watch(case, text)`` is called from the cases' threads as they go.
+    ``watch(case, text)`` is called from the cases' threads as they go.  ``nodes``
+    has the commands of somebody else's nodes, by role: they take part in every
+    case of mode ``run``.
     """
     results: dict[str, CaseResult] = {}
     stopping = threading.Event()
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         halted = lambda: stopping.is_set() or stop()  # noqa: E731
-        futures = {pool.submit(_fly, case, out, watch, halted): case for case in suite.cases}
+        futures = {pool.submit(_fly, case, out, nodes, watch, halted): case for case in suite.cases}
         try:
             for future in as_completed(futures):
                 results[futures[future].name] = future.result()
@@ -110,7 +125,11 @@ def judge(suite: Suite, cases: list[CaseResult]) -> SuiteResult:
 
 
 def _fly(
-    case: Case, out: Path, watch: Callable[[Case, str], None], stop: Callable[[], bool]
+    case: Case,
+    out: Path,
+    nodes: Mapping[str, Sequence[str]],
+    watch: Callable[[Case, str], None],
+    stop: Callable[[], bool],
 ) -> CaseResult:
     """Fly one case; whatever goes wrong is its result, not the suite's end."""
     result = CaseResult(case, case_directory(out, case.name))
@@ -121,7 +140,7 @@ def _fly(
     start = time.monotonic()
     watch(case, "starting")
     try:
-        summary, error, status = _run_case(case, result.directory, watch, stop)
+        summary, error, status = _run_case(case, result.directory, nodes, watch, stop)
     except (BagError, NoDomainError, OSError, ValueError) as problem:
         summary, error, status = {}, str(problem), 1
     result.wall_s = time.monotonic() - start
@@ -132,7 +151,11 @@ def _fly(
 
 
 def _run_case(
-    case: Case, directory: Path, watch: Callable[[Case, str], None], stop: Callable[[], bool]
+    case: Case,
+    directory: Path,
+    nodes: Mapping[str, Sequence[str]],
+    watch: Callable[[Case, str], None],
+    stop: Callable[[], bool],
 ) -> tuple[dict[str, Any], str, int]:
     """Return the summary, the text that the run ended with, and its exit status."""
 
@@ -143,8 +166,9 @@ def _run_case(
         summary = _simulate_apart(case, directory)
         return summary, str(summary.get("problem") or ""), 0 if summary.get("stable") else 1
     plan = FaultPlan(case.faults, Timeline.of(case.config.run)) if case.faults else None
+    options = RunOptions(compose=case.mode == "compose", nodes=nodes if case.mode == "run" else {})
     outcome = run_scenario(
-        case.config, case.name, directory, RunOptions(compose=case.mode == "compose"),
+        case.config, case.name, directory, options,
         watch=progress, stop=stop, faults=plan,
     )  # fmt: skip
     status = 0 if outcome.stable and not outcome.problem else 1

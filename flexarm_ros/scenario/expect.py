@@ -84,8 +84,13 @@ class Expectation:
         return f"{self.name} {sign} {format_value(self.value)}"
 
     def check(self, metrics: Metrics) -> Outcome:
-        """Compare with a run's metrics."""
+        """Compare with a run's metrics.
+
+        A metric that is not known fulfils ``null`` and every ``ne`` but that of ``null``.
+        """
         found = lookup(metrics, self.metric, self.index)
+        if found is None and (self.op == "ne" or (self.op == "eq" and self.value is None)):
+            return Outcome(_COMPARE[self.op][1](None, self.value), f"{self}: null")
         if found is None:
             return Outcome(None, f"{self}: not known")
         items = found if isinstance(found, list) else [found]
@@ -131,7 +136,7 @@ def format_value(value: Any) -> str:
         return "[" + ", ".join(format_value(item) for item in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
-    return str(value)
+    return "null" if value is None else str(value)
 
 
 def read_expectations(tree: Tree, where: str) -> tuple[Expectation, ...]:
@@ -153,7 +158,7 @@ def _literal(tree: Tree, where: str) -> Any:
     assert isinstance(tree, Scalar)
     if isinstance(tree.value, float):
         return as_number(tree, where)
-    return tree.value
+    return None if tree.value == "null" else tree.value  # a text in rcl's YAML
 
 
 def _conditions(

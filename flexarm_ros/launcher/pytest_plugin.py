@@ -1,0 +1,144 @@
+"""Pytest plugin: fly scenarios and suites from a test, with nodes of your own in the loop.
+
+It is there wherever this package is installed (entry point ``pytest11``), and
+costs nothing until a test asks for one of its fixtures.  See docs/testing.md.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from flexarm_ros.bag.verify import Verdict
+    from flexarm_ros.launcher.suite import SuiteResult
+
+Command = Sequence[str | Path]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One run as a test sees it; ``flight["max_error"]`` is a key of ``summary.json``.
+
+    ``directory`` has the bag, ``summary.json``, ``trajectory.csv`` and the logs;
+    ``problem`` is one line, empty where all went well.
+    """
+
+    directory: Path
+    summary: Mapping[str, Any]
+    problem: str
+
+    @property
+    def stable(self) -> bool:
+        """Whether the run came to its end within the arm's bounds."""
+        return self.summary.get("stable") is True and not self.problem
+
+    def __getitem__(self, metric: str) -> Any:
+        return self.summary[metric]
+
+    def log(self, node: str) -> str:
+        """Return what a node has printed."""
+        return (self.directory / "logs" / f"{node}.log").read_text(errors="replace")
+
+    def verify(self) -> Verdict:
+        """Compute every message of our nodes anew, as ``flexarm verify`` does."""
+        from flexarm_ros.bag.verify import verify
+
+        return verify(self.directory)
+
+
+@pytest.fixture
+def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
+    """Fly a scenario: ``flexarm_run(scenario, settings, nodes={"controller": [...]})``.
+
+    ``scenario`` is a file or the name of a shipped one, ``settings`` maps keys
+    such as ``duration`` or ``plant.payload_mass`` to values, ``nodes`` maps the
+    roles that your own nodes take to their commands, ``mode`` is ``run`` (a
+    process each), ``compose`` or ``simulate``.  Each run has a ROS domain of
+    its own, so tests may run side by side.
+    """
+    count = 0
+
+    def fly(
+        scenario: str | Path,
+        settings: Mapping[str, Any] | None = None,
+        *,
+        nodes: Mapping[str, Command] | None = None,
+        mode: str = "run",
+    ) -> Flight:
+        nonlocal count
+        count += 1
+        flight = _fly(scenario, settings or {}, _words(nodes), mode, tmp_path / f"flight-{count}")
+        print(f"flexarm: {scenario}: {flight.problem or 'flown'}; see {flight.directory}")
+        return flight
+
+    return fly
+
+
+@pytest.fixture
+def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
+    """Fly a suite: ``assert not flexarm_suite("suite.yaml").failures()``.
+
+    ``nodes`` as in `flexarm_run`: they take part in every case of mode ``run``.
+    """
+
+    def fly(
+        suite: str | Path, *, nodes: Mapping[str, Command] | None = None, jobs: int = 0
+    ) -> SuiteResult:
+        from flexarm_ros.launcher.run import check_commands
+        from flexarm_ros.launcher.suite import default_jobs, run_suite
+        from flexarm_ros.scenario.suite import load
+
+        loaded, words = load(suite), _words(nodes)
+        check_commands(words)
+        if any(case.mode != "simulate" for case in loaded.cases):
+            _need_ros()
+        out = tmp_path / loaded.name
+        result = run_suite(loaded, out, jobs or default_jobs(loaded), nodes=words)
+        print(f"flexarm: {suite}: {'passes' if result.passed else 'fails'}; see {out}")
+        return result
+
+    return fly
+
+
+def _fly(
+    name: str | Path,
+    settings: Mapping[str, Any],
+    nodes: Mapping[str, Sequence[str]],
+    mode: str,
+    directory: Path,
+) -> Flight:
+    from flexarm_ros import scenario
+
+    config = scenario.load(name, [f"{key}={json.dumps(value)}" for key, value in settings.items()])
+    stem = Path(name).stem
+    if mode == "simulate":
+        if nodes:
+            raise ValueError("mode 'simulate' has no place for nodes; use mode 'run'")
+        from flexarm_ros.bag.simulation import simulate
+
+        summary = simulate(config, directory, stem)
+        return Flight(directory, summary, str(summary.get("problem") or ""))
+    if mode not in ("run", "compose"):
+        raise ValueError(f"mode {mode!r} is not allowed: run, compose or simulate")
+    _need_ros()
+    from flexarm_ros.launcher.run import RunOptions, run_scenario
+
+    options = RunOptions(compose=mode == "compose", nodes=nodes)
+    outcome = run_scenario(config, stem, directory, options)
+    return Flight(directory, outcome.summary, outcome.problem)
+
+
+def _words(nodes: Mapping[str, Command] | None) -> dict[str, list[str]]:
+    return {role: [str(word) for word in command] for role, command in (nodes or {}).items()}
+
+
+def _need_ros() -> None:
+    if importlib.util.find_spec("rclpy") is None:
+        pytest.fail("rclpy is not installed or not sourced; mode='simulate' needs no ROS")
