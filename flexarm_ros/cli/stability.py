@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from flexarm_ros.core.stability_margins import PoseStability
 
 MOST_SEARCHED_S = 1.0
+MOST_EIGENVALUES = 6
+"""Eigenvalues, pairs counted once, that are printed for a gain."""
 
 
 def add_parser(subparsers: Any) -> None:
@@ -203,6 +205,7 @@ def _print_table(config: RunConfig, found: list[PoseStability]) -> None:
             f"gain {worst['gain']:.4g}: {'stable' if worst['stable'] else 'UNSTABLE'}, largest "
             f"modulus {worst['modulus']:.8f}, smallest crossing delay {least} ms"
         )
+        print(_eigenvalues(max((x for x in found if x.gain == worst["gain"]), key=_modulus)))
     if left_out := ignored(config):
         print(f"not in the analysis: {', '.join(left_out)}")
 
@@ -220,6 +223,21 @@ def _cells(one: PoseStability) -> tuple[str, ...]:
         _beyond(one) if one.crossing_s is None else f"{1e3 * one.crossing_s:.4g}",
         "-" if margin is None else f"{1e3 * margin:.4g}",
     )
+
+
+def _modulus(one: PoseStability) -> float:
+    return one.modulus
+
+
+def _eigenvalues(one: PoseStability) -> str:
+    """Return the largest eigenvalues a tick at a pose; a pair counts once."""
+    upper = [value for value in one.eigenvalues if value.imag >= 0.0]
+    shown = [
+        f"{value.real:.6f}" + (f"+-{value.imag:.6f}j" if value.imag else "")
+        for value in upper[:MOST_EIGENVALUES]
+    ]
+    more = "" if len(upper) <= MOST_EIGENVALUES else ", ... (--json: all over 0.5)"
+    return f"  eigenvalues at theta2 {one.pose.theta2:.3f}: {', '.join(shown)}{more}"
 
 
 def _range(one: PoseStability) -> str:
