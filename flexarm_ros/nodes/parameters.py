@@ -9,8 +9,10 @@ What the command line sets with ``-p`` then overrides its own section.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import yaml
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -23,6 +25,36 @@ OF_ROS = ("qos_overrides.", "use_sim_time", "start_type_description")
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
+
+
+@dataclass(frozen=True)
+class Own:
+    """A parameter of one node that is no part of a scenario: text, whole number or number."""
+
+    default: str | int | float
+    doc: str
+    unit: str = ""
+    low: float = 0.0
+    high: float = 0.0
+    live: bool = False
+
+    def read(self, name: str, text: str) -> str | int | float:
+        """Return the value that a command line gives, as YAML; ScenarioError if not allowed."""
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            value = None
+        kind = type(self.default)
+        if kind is str:
+            return value if isinstance(value, str) else text
+        fits = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not fits or kind(value) != value or not self.low <= value <= self.high:
+            what = "a number" if kind is float else "a whole number"
+            raise scenario.ScenarioError(
+                f"{name}: {text!r} is not {what} from {self.low:g} to {self.high:g}"
+            )
+        return kind(value)
+
 
 _TYPES = {
     "float": Parameter.Type.DOUBLE,
@@ -39,12 +71,14 @@ def parameter_files(argv: list[str]) -> list[str]:
     return [value for flag, value in zip(argv, argv[1:], strict=False) if flag == "--params-file"]
 
 
-def assignments(argv: list[str], node: str) -> Iterator[tuple[str, str]]:
+def assignments(argv: list[str], node: Node) -> Iterator[tuple[str, str]]:
     """Yield ``(name, YAML value)`` of each ``-p [NODE:]NAME:=VALUE`` that is meant for ``node``.
 
     They are read here and not from rclpy, where a file's own section for the
-    node would win over them.
+    node would win over them, and a rule for a node by name misses one that is
+    in a namespace.
     """
+    mine = (node.get_name(), "*", "**")
     inside = False
     words = iter(argv)
     for word in words:
@@ -53,7 +87,7 @@ def assignments(argv: list[str], node: str) -> Iterator[tuple[str, str]]:
             continue
         name, _, value = next(words, "").partition(":=")
         owner, colon, key = name.rpartition(":")
-        if not colon or owner.lstrip("/") in (node, "*", "**"):
+        if not colon or owner.lstrip("/") in mine:
             yield key, value
 
 
@@ -62,7 +96,7 @@ def declare_and_load(node: Participant, role: str, argv: list[str]) -> RunConfig
 
     Raises ScenarioError where a file or an override is not allowed.
     """
-    own = dict(assignments(argv, node.get_name()))
+    own = dict(assignments(argv, node))
     config = scenario.load(parameter_files(argv), _overrides(own, node, role))
     for section, kind in (("run", RunParameters), (role, SECTIONS.get(role))):
         if kind is None:
@@ -82,10 +116,25 @@ def _overrides(own: dict[str, str], node: Participant, role: str) -> Iterator[st
         yield f"{section}.{key}={value}"
 
 
-def declare_own(node: Participant) -> None:
-    """Declare what only this node has, and no scenario: see ``OWN_PARAMETERS``."""
-    for key, (default, doc) in node.OWN_PARAMETERS.items():
-        node.declare_parameter(key, default, ParameterDescriptor(description=doc))
+def declare_own(node: Participant, argv: list[str]) -> None:
+    """Declare what only this node has, and no scenario: see ``OWN_PARAMETERS``.
+
+    Raises ScenarioError where the command line gives one that is not allowed.
+    """
+    given = dict(assignments(argv, node))
+    for key, own in node.OWN_PARAMETERS.items():
+        descriptor = ParameterDescriptor(
+            description=own.doc + (f" [{own.unit}]" if own.unit else ""), read_only=not own.live
+        )
+        if isinstance(own.default, float):
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=own.low, to_value=own.high)
+            ]
+        elif isinstance(own.default, int):
+            low, high = int(own.low), int(own.high)
+            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+        value = own.read(f"{node.ROLE}.{key}", given[key]) if key in given else own.default
+        node.declare_parameter(key, value, descriptor, ignore_override=True)
 
 
 def _declare(node: Node, key: str, spec: Spec, value: Any) -> None:

@@ -11,12 +11,13 @@ from rclpy.node import Node
 from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.diagnostics import Diagnostics
 from flexarm_ros.nodes.epochs import Epochs
 from flexarm_ros.nodes.graph import reads
 from flexarm_ros.nodes.live import ChangesInput, LiveParameters
 from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
-from flexarm_ros.nodes.parameters import declare_and_load, declare_own
+from flexarm_ros.nodes.parameters import Own, declare_and_load, declare_own
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.status import Board, Phase
 from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
@@ -40,14 +41,14 @@ class Participant(Node):
     """
 
     ROLE: ClassVar[str]
-    OWN_PARAMETERS: ClassVar[dict[str, tuple[Any, str]]] = {}
-    """Parameters that are no part of a scenario: name -> (default, description)."""
+    OWN_PARAMETERS: ClassVar[dict[str, Own]] = {}
+    """Parameters that are no part of a scenario."""
 
     def __init__(self, argv: list[str], supervisor: Supervisor, **options: Any) -> None:
         super().__init__(self.ROLE, **options)
         self.supervisor = supervisor
         self.config = declare_and_load(self, self.ROLE, argv)
-        declare_own(self)
+        declare_own(self, argv)
         self.board = Board(self, self.ROLE)
         self.failure: RunFailed | None = None
         self.failed_run = False
@@ -74,10 +75,13 @@ class Participant(Node):
         self.tick = 0
         self.last_tick: int | None = None
         self._moved = self._ready_at = self._looked = time.monotonic()
+        self.longest_wait_s = 0.0
+        """Longest wall time without progress since somebody set this to zero."""
         self._closed = False
         self.crashed = ""
         """An exception in a service's callback, from the thread that serves them."""
         self.board.publish(parameters=self.membership.own_parameters())
+        self.diagnostics = Diagnostics(self)
 
     # --- what a subclass provides -------------------------------------------------
 
@@ -141,7 +145,9 @@ class Participant(Node):
         except Exception as error:
             self.fail(self._failure_of(error))
         if moved:
-            self._moved = time.monotonic()
+            now = time.monotonic()
+            self.longest_wait_s = max(self.longest_wait_s, now - self._moved)
+            self._moved = now
         return moved
 
     def blocked_on(self) -> list[Any]:
@@ -264,6 +270,10 @@ class Participant(Node):
         """
         return 0.5
 
+    def idle_s(self) -> float:
+        """Return the wall time since this node made progress, s."""
+        return time.monotonic() - self._moved
+
     # --- leaving --------------------------------------------------------------------
 
     def change_phase(self, phase: Phase, **more: Any) -> None:
@@ -337,6 +347,7 @@ class Participant(Node):
         except Exception as error:  # the run has failed already, for another reason
             self.get_logger().error(describe(error))
         self.board.flush(1.0)
+        self.diagnostics.tell()
 
     def invalid_message(self, topic: str, fault: str) -> None:
         """Count a message that is none of the run's, and end the run if so configured.

@@ -10,9 +10,10 @@ from typing import Any, ClassVar
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
 from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.parameters import Own
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
-from flexarm_ros.nodes.run_control import RunControl
+from flexarm_ros.nodes.run_control import FASTEST, MOST_STEPS, RunControl
 from flexarm_ros.nodes.status import Phase
 
 RECORDER_WINDOW = 256
@@ -23,11 +24,19 @@ class PlantNode(Participant):
     """Publishes ``/clock`` and the state of tick k, waits for its torque, integrates."""
 
     ROLE: ClassVar[str] = "plant"
-    OWN_PARAMETERS: ClassVar[dict[str, tuple[Any, str]]] = {
-        "real_time_factor": (0.0, "hold the run to this multiple of real time; 0: free to run"),
-        "step_ticks": (1, "ticks that the service ~/step lets a paused run do"),
-        "hold_at": ("", "ticks, comma separated, before which the launcher has something to do"),
-    }
+    OWN_PARAMETERS: ClassVar[dict[str, Own]] = {
+        "real_time_factor": Own(
+            0.0, "hold the run to this multiple of real time; 0: free to run", high=FASTEST,
+            live=True,
+        ),
+        "step_ticks": Own(
+            1, "ticks that the service ~/step lets a paused run do", low=1, high=MOST_STEPS,
+            live=True,
+        ),
+        "hold_at": Own(
+            "", "ticks, comma separated, before which the launcher has something to do"
+        ),
+    }  # fmt: skip
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)

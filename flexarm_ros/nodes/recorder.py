@@ -11,6 +11,7 @@ from flexarm_ros.bag.recording import Recording, finish_run, free_directory, pre
 from flexarm_ros.nodes.graph import RECORDED_TOPIC
 from flexarm_ros.nodes.live import ChangesInput
 from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.parameters import Own
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressOutput
 
@@ -22,9 +23,9 @@ class RecorderNode(Participant):
     """Takes the serialized bytes of all per-tick topics in batches and writes them."""
 
     ROLE: ClassVar[str] = "recorder"
-    OWN_PARAMETERS: ClassVar[dict[str, tuple[Any, str]]] = {
-        "output": ("", "directory of the run; empty: a new one below runs/"),
-        "name": ("", "name of the scenario, for the record"),
+    OWN_PARAMETERS: ClassVar[dict[str, Own]] = {
+        "output": Own("", "directory of the run; empty: a new one below runs/"),
+        "name": Own("", "name of the scenario, for the record"),
     }
 
     def __init__(self, *args: Any, **options: Any) -> None:

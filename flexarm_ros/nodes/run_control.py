@@ -28,7 +28,8 @@ from flexarm_ros.nodes.status import Phase
 if TYPE_CHECKING:
     from flexarm_ros.nodes.plant import PlantNode
 
-_FASTEST = 1e6
+FASTEST = 1e6
+MOST_STEPS = 10**9
 GOING = (Phase.RUNNING, Phase.PAUSED)
 WAIT_S = 60.0
 """Wall time that a service may take at the longest."""
@@ -187,7 +188,7 @@ class RunControl:
         for parameter in parameters:
             if parameter.name == "real_time_factor":
                 value = float(parameter.value)
-                if not 0.0 <= value <= _FASTEST:
+                if not 0.0 <= value <= FASTEST:
                     return SetParametersResult(
                         successful=False, reason=f"real_time_factor: {value:g}: allowed: 0 or more"
                     )

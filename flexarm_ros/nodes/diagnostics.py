@@ -1,0 +1,96 @@
+"""``/diagnostics``: how each participant of a run is doing, once a second of wall time.
+
+Every node reports on itself, from the thread that serves parameters, so that
+no tick waits for it: phase and tick, how fast it goes, how long it waited at
+the longest, what it rejected.  The plant adds the state of each participant,
+those that are missing too.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.status import Phase
+
+if TYPE_CHECKING:
+    from flexarm_ros.nodes.participant import Participant
+
+TOPIC = "/diagnostics"
+"""Absolute, as everywhere in ROS 2: the status' name says whose it is."""
+
+PERIOD_S = 1.0
+_BAD = (Phase.FAILED, Phase.REFUSED)
+
+
+class Diagnostics:
+    """One participant's reports."""
+
+    def __init__(self, participant: Participant) -> None:
+        self._me = participant
+        self._publisher = participant.create_publisher(DiagnosticArray, TOPIC, 10)
+        self._last = (time.monotonic(), 0)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = participant.create_timer(PERIOD_S, self.tell, clock=steady)
+
+    def tell(self) -> None:
+        """Publish one report."""
+        message = DiagnosticArray(status=[self._status()])
+        message.header.stamp = self._me.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _status(self) -> DiagnosticStatus:
+        me = self._me
+        values = {**self._progress(), "rejected messages": str(me.invalid)}
+        phase, waits = me.board.mine.phase, ""
+        if phase is Phase.RUNNING and me.idle_s() > PERIOD_S:
+            blame, owed = me.waiting_for()
+            waits = f"waiting for {blame}: {owed}" if blame else ""
+        values["missing"] = waits
+        if me.ROLE == "plant":
+            values.update(self._participants())
+        level = DiagnosticStatus.ERROR if phase in _BAD or me.failed_run else DiagnosticStatus.OK
+        if level == DiagnosticStatus.OK and (waits or me.invalid):
+            level = DiagnosticStatus.WARN
+        return DiagnosticStatus(
+            level=level,
+            name=f"{me.get_fully_qualified_name()}: lock-step",
+            message=waits or me.board.mine.text,
+            hardware_id="flexarm_ros",
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+
+    def _progress(self) -> dict[str, str]:
+        """Return phase, tick and speed since the last report."""
+        me = self._me
+        timeline = Timeline.of(me.config.run)
+        now, tick = time.monotonic(), me.tick
+        elapsed, ticks = now - self._last[0], max(0, tick - self._last[1])
+        self._last = (now, tick)
+        longest, me.longest_wait_s = me.longest_wait_s, 0.0
+        factor = ticks * timeline.period_ns * 1e-9 / elapsed if elapsed > 0.0 else 0.0
+        return {
+            "phase": me.board.mine.phase.value,
+            "tick": str(tick),
+            "ticks of the run": str(timeline.ticks),
+            "real-time factor": f"{factor:.3f}",
+            "tick latency mean (ms)": f"{1e3 * elapsed / ticks:.3f}" if ticks else "",
+            "longest wait (ms)": f"{1e3 * longest:.3f}",
+        }
+
+    def _participants(self) -> dict[str, str]:
+        """Return the state of every other participant."""
+        membership = self._me.membership
+        found = {}
+        for role in membership.required():
+            status = membership.status_of(role)
+            state = "somebody else's node" if role in membership.foreign else "missing"
+            if status is not None:
+                state = f"{status.phase.value} ({status.node})"
+            found[f"participant {role}"] = state
+        return found

@@ -1,0 +1,105 @@
+"""Two arms in two namespaces of one graph, and what they tell on /diagnostics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from nodetools import ROLES, finish, flexarm, start_node, wait_for, write_scenario
+
+pytestmark = pytest.mark.nodes
+
+
+def value(status, key: str) -> str:
+    (found,) = [pair.value for pair in status.values if pair.key == key]
+    return found
+
+
+@pytest.mark.parametrize(
+    "roles",
+    [["compose"], pytest.param(ROLES, marks=pytest.mark.slow)],
+    ids=["two processes", "twelve processes"],
+)
+def test_two_arms_fly_in_lockstep_each(
+    tmp_path: Path, ros_domain: int, rclpy_node, roles: list[str]
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    node, executor = rclpy_node
+    told: dict[str, list] = {}
+
+    def heard(message: DiagnosticArray) -> None:
+        for status in message.status:
+            told.setdefault(status.name, []).append(status)
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", heard, 1000)
+    arms = {"left": "fls_tip", "right": "pd_mid"}
+    files = {
+        arm: write_scenario(tmp_path / f"{arm}.yaml", name, "duration=0.6")
+        for arm, name in arms.items()
+    }
+    processes = []
+    for arm, file in files.items():
+        own = {
+            "recorder": ["-p", f"recorder:output:={tmp_path / arm}"],
+            "plant": ["-p", "plant:real_time_factor:=0.2"],
+        }
+        for role in roles:
+            words = ["-r", f"__ns:=/{arm}"]
+            words += own.get(role, []) if role != "compose" else sum(own.values(), [])
+            if arm == "right":  # and a topic and a node of another name
+                words += ["-r", "joint_command:=torque", "-r", "controller:__node:=pilot"]
+            processes.append(start_node(role, file, *words))
+    try:
+        # While both fly, every one of the twelve has told that it is under way.
+        names = {f"/{arm}/{'pilot' if (arm, role) == ('right', 'controller') else role}: lock-step"
+                 for arm in arms for role in ROLES}  # fmt: skip
+
+        def all_told() -> bool:
+            executor.spin_once(timeout_sec=0.1)
+            assert all(process.poll() in (None, 0) for process in processes)
+            return all(
+                any(value(s, "phase") == "running" for s in told.get(name, [])) for name in names
+            )
+
+        wait_for(all_told, 90, "all twelve nodes say that they run")
+    finally:
+        texts = finish(processes)
+    assert [p.returncode for p in processes] == [0] * len(processes), texts
+    assert set(told) == names
+    plant = [s for s in told["/left/plant: lock-step"] if value(s, "phase") == "running"][-1]
+    assert plant.level == b"\x00"
+    assert value(plant, "participant controller").endswith("(/left/controller)")
+    assert value(plant, "ticks of the run") == "600"
+    assert float(value(plant, "real-time factor")) > 0.0
+    assert float(value(plant, "longest wait (ms)")) > 0.0
+    assert value(plant, "rejected messages") == "0"
+    for arm, file in files.items():
+        sim = tmp_path / f"sim_{arm}"
+        assert flexarm("simulate", file, "--no-pictures", "--out", sim).returncode == 0
+        ours, theirs = ((d / "trajectory.csv").read_bytes() for d in (tmp_path / arm, sim))
+        assert ours == theirs
+
+
+def test_a_missing_participant_is_told(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    node, executor = rclpy_node
+    heard: list = []
+    node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 100)
+    file = write_scenario(tmp_path / "s.yaml", "pd_tip", "start_timeout=4.0")
+    plant = start_node("plant", file)
+    try:
+
+        def failed() -> bool:
+            executor.spin_once(timeout_sec=0.1)
+            return bool(heard) and heard[-1].status[0].level == b"\x02"
+
+        wait_for(failed, 60, "the plant tells of its failure")
+    finally:
+        (text,) = finish([plant])
+    assert plant.returncode == 1, text
+    first, last = heard[0].status[0], heard[-1].status[0]
+    assert value(first, "participant encoder") == "missing"
+    assert value(first, "phase") == "joining"
+    assert "no encoder" in last.message
