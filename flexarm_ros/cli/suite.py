@@ -55,6 +55,8 @@ def run(args: argparse.Namespace) -> int:
     processes = any(case.mode != "simulate" for case in suite.cases)
     if processes and importlib.util.find_spec("rclpy") is None:
         raise UsageError("rclpy is not installed (`make env`); --mode simulate needs no ROS")
+    if args.junit and args.junit.is_dir():
+        raise UsageError(f"--junit {args.junit}: is a directory")
     out = new_directory(args.out, suite.name)
     with Deferred() as signals, SuiteTable(suite) as table:
         result = run_suite(

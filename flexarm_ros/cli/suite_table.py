@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _COLUMNS = ("rms_error", "max_error", "overshoot", "tip_max_error", "rtf")
 
+_MOST_VALUES = 4
+
 
 class SuiteTable:
     """Shows each case's state: a table on a terminal, a line a change of state elsewhere."""
@@ -37,10 +39,11 @@ class SuiteTable:
 
     def _table(self) -> Any:
         from rich.table import Table
+        from rich.text import Text
 
         table = Table("case", "state")
-        for name, state in self._states.items():
-            table.add_row(name, state)
+        for name, state in self._states.items():  # as Text: a name may have brackets, no markup
+            table.add_row(Text(name), Text(state))
         return table
 
     def __enter__(self) -> SuiteTable:
@@ -88,7 +91,7 @@ def _print_cases(cases: list[CaseResult]) -> None:
         [
             c.case.name,
             ("pass" if c.passed else "FAIL") + ("" if c.metrics.get("stable") else ", not stable"),
-            *(format_metric(c.metrics.get(name)) for name in _COLUMNS),
+            *(format_metric(_short(c.metrics.get(name))) for name in _COLUMNS),
         ]
         for c in cases
     ]
@@ -96,6 +99,11 @@ def _print_cases(cases: list[CaseResult]) -> None:
     for row in [header, *rows]:
         cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)]
         print("  ".join(cells).rstrip())
+
+
+def _short(value: Any) -> Any:
+    """Return a list's first values: a long flight switches direction hundreds of times."""
+    return value[:_MOST_VALUES] if isinstance(value, list) else value
 
 
 def _word(passed: bool) -> str:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import re
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.launcher.apart import simulate_apart
 from flexarm_ros.launcher.domains import NoDomainError
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.run import RunOptions, run_scenario
@@ -25,6 +24,8 @@ from flexarm_ros.scenario.suite import Case, Suite
 
 CORES_PER_RUN = 2
 """A distributed run keeps about two cores busy; more side by side only slow one another."""
+
+NOT_STARTED = "not started"
 
 
 @dataclass
@@ -40,7 +41,12 @@ class CaseResult:
     @property
     def passed(self) -> bool:
         """Whether every expectation holds."""
-        return all(outcome.holds for outcome in self.outcomes)
+        return not self.not_started and all(outcome.holds for outcome in self.outcomes)
+
+    @property
+    def not_started(self) -> bool:
+        """Whether the suite was ended before this case had its turn."""
+        return self.metrics.get("error") == NOT_STARTED
 
 
 @dataclass
@@ -64,7 +70,8 @@ class SuiteResult:
 
     def failures(self) -> list[str]:
         """Return a line for each case, comparison and claim that fails; none: it passes."""
-        found = [
+        found = [f"{case.case.name}: {NOT_STARTED}" for case in self.cases if case.not_started]
+        found += [
             f"{case.case.name}: {outcome.text}"
             for case in self.cases
             for outcome in case.outcomes
@@ -134,7 +141,7 @@ def _fly(
     """Fly one case; whatever goes wrong is its result, not the suite's end."""
     result = CaseResult(case, case_directory(out, case.name))
     if stop():
-        result.metrics = {"status": 130, "error": "not started", "complete": False}
+        result.metrics = {"status": 130, "error": NOT_STARTED, "complete": False}
         result.outcomes = case.check(result.metrics)
         return result
     start = time.monotonic()
@@ -163,7 +170,7 @@ def _run_case(
         watch(case, f"{100 * ticks // max(1, total)} %")
 
     if case.mode == "simulate":
-        summary = _simulate_apart(case, directory)
+        summary = simulate_apart(case.config, directory, case.name, progress, stop)
         return summary, str(summary.get("problem") or ""), 0 if summary.get("stable") else 1
     plan = FaultPlan(case.faults, Timeline.of(case.config.run)) if case.faults else None
     options = RunOptions(compose=case.mode == "compose", nodes=nodes if case.mode == "run" else {})
@@ -173,9 +180,3 @@ def _run_case(
     )  # fmt: skip
     status = 0 if outcome.stable and not outcome.problem else 1
     return outcome.summary, outcome.problem, status
-
-
-def _simulate_apart(case: Case, directory: Path) -> dict[str, Any]:
-    """Simulate in a process of its own: threads would share one interpreter's time."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(simulate, case.config, directory, case.name).result()

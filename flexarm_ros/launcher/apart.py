@@ -1,0 +1,72 @@
+"""A simulation in a process of its own: threads would share one interpreter's time."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.bag.errors import BagError
+from flexarm_ros.bag.simulation import simulate
+from flexarm_ros.core.parameters import RunConfig
+
+_LOOK_S = 0.1
+
+
+def simulate_apart(
+    config: RunConfig,
+    directory: Path,
+    name: str,
+    watch: Callable[[int, int], None],
+    stop: Callable[[], bool],
+) -> dict[str, Any]:
+    """As `flexarm_ros.bag.simulation.simulate`; BagError also where the process dies."""
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe(duplex=False)
+    halt = context.Event()
+    process = context.Process(
+        target=_work, args=(there, halt, config, directory, name), daemon=True
+    )
+    process.start()
+    there.close()
+    try:
+        while True:
+            if stop():
+                halt.set()
+            if not here.poll(_LOOK_S):
+                continue
+            kind, value = here.recv()
+            if kind == "ticks":
+                watch(*value)
+            elif kind == "summary":
+                return dict(value)
+            else:
+                raise BagError(value)
+    except EOFError:
+        process.join()
+        raise BagError(f"simulation: ended with exit status {process.exitcode}") from None
+    finally:
+        here.close()
+        process.join(_LOOK_S)
+        if process.is_alive():
+            process.kill()
+            process.join()
+
+
+def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name: str) -> None:
+    """Simulate and tell of it until told to stop, or until nobody listens any more."""
+    for signum in (signal.SIGINT, signal.SIGTERM):  # reach the whole group: the launcher decides
+        signal.signal(signum, signal.SIG_IGN)
+    try:
+        summary = simulate(
+            config, directory, name,
+            watch=lambda ticks, total: line.send(("ticks", (ticks, total))), stop=halt.is_set,
+        )  # fmt: skip
+        line.send(("summary", summary))
+    except BrokenPipeError:
+        return  # the launcher has gone
+    except (BagError, OSError, ValueError) as error:
+        line.send(("error", str(error)))
