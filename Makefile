@@ -1,6 +1,6 @@
 # `make run` flies the paper's square, `make test` passes the tests; both build .venv first.
 .DEFAULT_GOAL := help
-.PHONY: help env run test test-all lint types paper bench validate soak lock clean
+.PHONY: help env run test test-all lint types paper bench validate soak lock clean docs
 
 BIN := .venv/bin
 PYTEST_ARGS ?=
@@ -14,6 +14,7 @@ help:
 	@echo 'make bench     speed of the loop and of the nodes'
 	@echo 'make validate  the models against theory and reference solutions'
 	@echo 'make soak      runs back to back for SOAK_MINUTES (30), watched for growth'
+	@echo 'make docs      the documentation as a site, docs/_build/index.html'
 	@echo 'make env       .venv only (the others call it)'
 	@echo 'make lock      new versions into constraints.txt'
 
@@ -47,6 +48,10 @@ validate: env
 
 soak: env
 	@$(BIN)/python scripts/soak.py --minutes $(SOAK_MINUTES)
+
+docs: env
+	$(BIN)/python -m sphinx -W --keep-going -q -j 2 docs docs/_build
+	@echo docs/_build/index.html
 
 lock:
 	@scripts/lock.sh

@@ -8,8 +8,10 @@ Answer each plant/state with one joint_command that carries the same stamp; noth
 """
 
 import math
+from contextlib import suppress
 
 import rclpy
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -37,4 +39,5 @@ class MinimalController(Node):
 
 if __name__ == "__main__":
     rclpy.init()
-    rclpy.spin(MinimalController())
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(MinimalController())

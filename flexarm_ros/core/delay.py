@@ -6,7 +6,7 @@ nanoseconds, so that nothing is rounded.  Before the start the signal had its
 initial value.
 
 ``pade2``: the second-order Pade approximation of exp(-s tau) that the paper
-puts there (its section 3),
+puts there (its section 3)::
 
     H(s) = (1 - s tau / 2 + (s tau)^2 / 12) / (1 + s tau / 2 + (s tau)^2 / 12),
 

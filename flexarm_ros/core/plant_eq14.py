@@ -2,7 +2,7 @@
 
 Coordinates are (theta1, theta2, modes of link 1, modes of link 2); theta2 is
 measured from the tangent at the end of link 1.  At zero deformation, with
-n1, n2 the normals of the links, a material point moves with
+n1, n2 the normals of the links, a material point moves with::
 
     link 1:  (x theta1' + phi1(x) . q1') n1
     link 2:  (L1 theta1' + phi1(L1) . q1') n1

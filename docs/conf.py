@@ -1,0 +1,54 @@
+"""The documentation as a site that needs no network: ``make docs``, then docs/_build/index.html."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+from site_commands import Commands  # noqa: E402
+from site_math import visit_block, visit_inline  # noqa: E402
+
+from flexarm_ros.cli.version import package_version  # noqa: E402
+
+project = "flexarm_ros"
+author = "The flexarm_ros maintainers"
+project_copyright = "The flexarm_ros maintainers, Apache-2.0"
+version = release = package_version()
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+exclude_patterns = ["_build", "data", "images"]
+
+myst_enable_extensions = ["dollarmath", "deflist"]
+myst_heading_anchors = 3
+# ```math is a formula here as it is on GitHub.
+myst_fence_as_directive = ["math"]
+
+html_theme = "furo"
+html_title = "flexarm_ros"
+html_show_sphinx = False
+html_copy_source = False
+html_math_renderer = "mathml"
+
+autodoc_typehints = "description"
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "Scenario": "Scenario", "Section": "Mapping"}
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+
+
+def escape_bars(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Let docstrings have the bars of an absolute value, which reStructuredText would take."""
+    lines[:] = [line.replace("|", "\\|") if "``" not in line else line for line in lines]
+
+
+def setup(app: Any) -> None:
+    """Add the list of commands, and formulas as MathML: no script, no font from elsewhere."""
+    app.connect("autodoc-process-docstring", escape_bars)
+    app.add_directive("commands", Commands)
+    app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
