@@ -8,10 +8,10 @@ from typing import Any
 
 from flexarm_ros import scenario
 from validation.paper_variants import Row, judge, variants
+from validation.tables import DATA, DOCS, put
 
-ROOT = Path(__file__).resolve().parent.parent
-TABLE = ROOT / "docs" / "data" / "paper_claims.csv"
-PAGE = ROOT / "docs" / "paper.md"
+TABLE = DATA / "paper_claims.csv"
+PAGE = DOCS / "paper.md"
 
 
 def verdict_cell(row: Row, letter: str) -> str:
@@ -133,21 +133,7 @@ def read_csv(path: Path) -> list[Row]:
 
 def write_page(rows: list[Row]) -> None:
     """Put the tables into docs/paper.md."""
-    text = PAGE.read_text("utf-8")
-    for name, lines in (
-        ("claims", claims_table(rows)),
-        ("numbers", numbers_table(rows)),
-        ("commands", commands_table(rows)),
-    ):
-        text = replace_table(text, name, lines)
-    PAGE.write_text(text, "utf-8")
-
-
-def replace_table(text: str, name: str, lines: list[str]) -> str:
-    """Return ``text`` with what stands between the marks of table ``name`` replaced."""
-    begin, end = f"<!-- table {name} -->\n", f"<!-- end {name} -->"
-    before, found, rest = text.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise SystemExit(f"{PAGE}: no marks of table {name}")
-    return before + begin + "\n".join(lines) + "\n" + end + after
+    put(PAGE, {
+        "claims": claims_table(rows), "numbers": numbers_table(rows),
+        "commands": commands_table(rows),
+    })  # fmt: skip

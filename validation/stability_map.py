@@ -1,9 +1,11 @@
-"""The tables and pictures of docs/stability.md.
+"""The tables and pictures of docs/stability.md and docs/fls.md.
 
     python -m validation.stability_map              # everything: some 20 minutes on two cores
     python -m validation.stability_map sweeps       # or one part of it:
     python -m validation.stability_map boundary hub speed gain growth fls
-    python -m validation.stability_map pictures     # from the tables in docs/data
+    python -m validation.stability_map pictures pages     # from the tables in docs/data
+
+Whether a table is still what the code makes: validation/stability_check.py.
 
 Tables go to docs/data, pictures to docs/images.  Sweeps keep their state below runs/ and go
 on where they were cut off.
@@ -257,9 +259,16 @@ def pictures() -> None:
         print(path)
 
 
+def pages() -> None:
+    """Put the tables into docs/stability.md and docs/fls.md."""
+    from validation import fls_pages, stability_pages
+
+    print(stability_pages.write(), fls_pages.write(), sep="\n")
+
+
 PARTS: dict[str, Callable[[], None]] = {
     "sweeps": sweeps, "boundary": locations, "hub": hubs, "speed": speeds, "gain": gains,
-    "growth": growth, "fls": fls, "pictures": pictures,
+    "growth": growth, "fls": fls, "pictures": pictures, "pages": pages,
 }  # fmt: skip
 
 
