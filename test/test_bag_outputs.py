@@ -310,5 +310,5 @@ def test_compare_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert data["within"] is True
     assert max(f["largest"] for f in data["fields"]) == pytest.approx(0.5)
     assert main(["compare", a, b, "--atol", "-1"]) == 2
-    assert main(["compare", a, str(tmp_path / "nothing")]) == 1
+    assert main(["compare", a, str(tmp_path / "nothing")]) == 2
     assert "no such file" in capsys.readouterr().err

@@ -214,7 +214,7 @@ def test_command(
     assert status == 1
     assert err.startswith("nothing: ")
     status, _, err = call(sound, "whole")
-    assert status == 1
+    assert status == 2
     assert "not overwritten" in err
-    assert main(["recover", str(tmp_path / "absent"), "--out", str(tmp_path / "y")]) == 1
+    assert main(["recover", str(tmp_path / "absent"), "--out", str(tmp_path / "y")]) == 2
     assert "no such file" in capsys.readouterr().err

@@ -11,6 +11,10 @@ class BagExistsError(BagError):
     """The place where a bag should be written is taken."""
 
 
+class BagMissingError(BagError):
+    """The run that is named does not exist."""
+
+
 class BagFormatError(BagError):
     """Bytes that are no MCAP bag, or a damaged one."""
 

@@ -21,7 +21,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from flexarm_ros import scenario
 from flexarm_ros.bag import changes
 from flexarm_ros.bag.blocks import Block, decode_ticks
-from flexarm_ros.bag.errors import BagContentError, BagError, BagLimitError
+from flexarm_ros.bag.errors import BagContentError, BagError, BagLimitError, BagMissingError
 from flexarm_ros.bag.frontmatter import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.scan import (
@@ -54,7 +54,7 @@ def find_bag(run: str | os.PathLike[str]) -> Path:
         if path.is_file():
             return path
         if not path.is_dir():
-            raise BagError(f"{path}: no such file or directory")
+            raise BagMissingError(f"{path}: no such file or directory")
         for directory in (path, path / "bag"):
             files = sorted(directory.glob("*.mcap")) if directory.is_dir() else []
             if len(files) > 1:

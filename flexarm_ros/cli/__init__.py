@@ -174,7 +174,8 @@ def _explain(words: list[str], error: Exception) -> int:
     bag_errors = sys.modules.get("flexarm_ros.bag.errors")
     if bag_errors is not None and isinstance(error, bag_errors.BagError):
         print(f"{prefix}: error: {error}", file=sys.stderr)
-        return 2 if isinstance(error, bag_errors.BagExistsError) else 1
+        usage = (bag_errors.BagExistsError, bag_errors.BagMissingError)
+        return 2 if isinstance(error, usage) else 1
     if isinstance(error, OSError):
         place = f"{clip(str(error.filename), 200)}: " if error.filename is not None else ""
         print(f"{prefix}: error: {place}{error.strerror or error}", file=sys.stderr)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -41,13 +40,8 @@ def _tolerance(text: str) -> float:
 def run(args: argparse.Namespace) -> int:
     """Compare the runs; 0 if all is within tolerance, else 1."""
     from flexarm_ros.bag.compare import compare
-    from flexarm_ros.bag.errors import BagError
 
-    try:
-        result = compare(args.a, args.b, args.atol, args.rtol)
-    except BagError as error:
-        print(f"flexarm compare: error: {error}", file=sys.stderr)
-        return 1
+    result = compare(args.a, args.b, args.atol, args.rtol)
     if args.json:
         _show_json(result)
     else:

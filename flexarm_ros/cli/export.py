@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 
@@ -22,14 +21,9 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Export the bag; 0, or 1 where that is not possible."""
-    from flexarm_ros.bag.errors import BagError
     from flexarm_ros.bag.export import export
 
-    try:
-        files = export(args.bag, args.out, args.format)
-    except BagError as error:
-        print(f"flexarm export: error: {error}", file=sys.stderr)
-        return 1
+    files = export(args.bag, args.out, args.format)
     for name, rows in files.items():
         print(f"{rows:9} rows  {args.out}/{name}")
     return 0

@@ -21,14 +21,9 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Rescue the bag; 0 whole, 3 in part, 1 nothing."""
-    from flexarm_ros.bag.errors import BagError
     from flexarm_ros.bag.recover import recover
 
-    try:
-        rescue = recover(args.run, args.out)
-    except BagError as error:
-        print(f"flexarm recover: error: {error}", file=sys.stderr)
-        return 1
+    rescue = recover(args.run, args.out)
     verdict = {0: "whole", 3: "in part", 1: "nothing"}[rescue.status]
     if rescue.kept:
         ticks = f"{rescue.complete} of {rescue.planned} ticks" if rescue.planned else "no scenario"
