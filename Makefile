@@ -44,7 +44,7 @@ bench: env
 	@$(BIN)/python -m bench
 
 validate: env
-	@$(BIN)/flexarm validate
+	@$(BIN)/python -m validation
 
 soak: env
 	@$(BIN)/python scripts/soak.py --minutes $(SOAK_MINUTES)

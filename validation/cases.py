@@ -34,3 +34,9 @@ CASES: dict[str, Case] = {
     "payload_pulse": Case((0.0, 1.0), 3.0, torque=_sine(20.0, 1.0, end=1.0), payload=0.5),
 }
 """Name -> motion; torques smooth from 0, since steps on a hub without inertia ring."""
+
+BEYOND: dict[str, Case] = {
+    "pulse_100": Case((0.0, 1.0), 3.0, torque=_sine(100.0, 1.0, end=1.0)),
+    "pulse_200": Case((0.0, 1.0), 3.0, torque=_sine(200.0, 1.0, end=1.0)),
+}
+"""Motions that bend the links further than the model is made for."""

@@ -7,9 +7,11 @@ import math
 import numpy as np
 
 from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.plant import instability
 from flexarm_ros.core.plant_eq14 import Eq14Matrices
 from flexarm_ros.core.plant_full import FullPlant
-from validation.motion import full_plant, start
+from validation.motion import Array, full_plant, start
+from validation.pictures import BLUE, GREY, ORANGE, new_figure
 from validation.report import Section
 
 LIMIT = 1e-6
@@ -60,24 +62,38 @@ def balance(plant: PlantParameters, period: float = 1e-3) -> tuple[float, float]
     return float(errors[0] / sizes[0]), float(errors[1] / sizes[1])
 
 
-def eq14_drift(plant: PlantParameters) -> tuple[float, float]:
-    """Return the same changes for ``eq14``, with its own mass matrix at each elbow angle."""
+def eq14_history(plant: PlantParameters) -> Array:
+    """Return rows of both relative changes, tick by tick, for ``eq14`` in the same free motion.
+
+    With the kinetic energy of its own mass matrix at each elbow angle.
+    """
     matrices = Eq14Matrices(plant)
     arm = start(plant, (0.0, 1.2), (1.5, -0.7))
-
-    def state() -> tuple[float, float]:
+    rows = []
+    for _ in range(TICKS + 1):
         mass = matrices.mass_at(float(arm.q[1]))
         kinetic = 0.5 * float(arm.qd @ mass @ arm.qd)
         elastic = 0.5 * float(matrices.stiffness @ arm.q**2)
-        return kinetic + elastic, float(mass[0] @ arm.qd)
-
-    energy, momentum = state()
-    changes = np.zeros(2)
-    for _ in range(TICKS):
+        rows.append((kinetic + elastic, float(mass[0] @ arm.qd)))
         arm.step(0.0, 0.0)
-        now = state()
-        changes = np.maximum(changes, np.abs([now[0] / energy - 1.0, now[1] / momentum - 1.0]))
-    return float(changes[0]), float(changes[1])
+    history = np.array(rows)
+    return np.asarray(history / history[0] - 1.0)
+
+
+def eq14_drift(plant: PlantParameters) -> tuple[float, float]:
+    """Return the largest of both changes for ``eq14``."""
+    largest = np.abs(eq14_history(plant)).max(axis=0)
+    return float(largest[0]), float(largest[1])
+
+
+def survival(modes: int) -> float:
+    """Return when ``eq14`` without hub inertia becomes unstable in the free motion, s; or inf."""
+    arm = start(full_plant(model="eq14", modes=modes), (0.0, 1.2), (1.5, -0.7))
+    for tick in range(TICKS):
+        arm.step(0.0, 0.0)
+        if instability(arm) is not None:
+            return 1e-3 * (tick + 1)
+    return math.inf
 
 
 def run() -> Section:
@@ -116,10 +132,26 @@ def run() -> Section:
         "Balance of energy with work, of momentum with impulse", f"{worst:.1e}", "1e-6",
         worst < LIMIT,
     )  # fmt: skip
-    section.say("`eq14`, free motion as above:")
+    _eq14(section)
+    return section
+
+
+def _eq14(section: Section) -> None:
+    section.say("`eq14` with hubs of 8 kg m^2, free motion as above, largest relative change:")
     rows = []
     for modes in (1, 4):
         plant = PlantParameters(model="eq14", modes=modes, hub_inertia=(8.0, 8.0))
         rows.append([modes, *(f"{value:.3f}" for value in eq14_drift(plant))])
     section.table(["N", "energy", "momentum"], rows)
-    return section
+    lost = ", ".join(f"{survival(modes):.2f} s at N = {modes}" for modes in (1, 2, 4))
+    section.say(f"Without hub inertia it diverges in this motion: after {lost}.")
+    history = eq14_history(PlantParameters(model="eq14", modes=1, hub_inertia=(8.0, 8.0)))
+    figure, axis = new_figure("Free motion of eq14, N = 1, hubs of 8 kg m²", (6.5, 3.0))
+    times = 1e-3 * np.arange(len(history))
+    for column, (name, color) in enumerate((("energy", BLUE), ("momentum", ORANGE))):
+        axis.plot(times, 100.0 * history[:, column], color=color, label=name)
+    axis.axhline(0.0, color=GREY, linewidth=0.8)
+    axis.set_xlabel("time, s")
+    axis.set_ylabel("change, %")
+    axis.legend()
+    section.picture("eq14", figure, "Energy and momentum of eq14 in free motion")

@@ -6,12 +6,16 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial import legendre
+from scipy.linalg import eigh
 
 from flexarm_ros.core.modes import JOINTS, natural_frequencies
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
+from flexarm_ros.scenario import load
 from validation import dynamic_stiffness
 from validation.dynamic_stiffness import Array, Chain
 from validation.motion import full_plant
+from validation.pictures import BLUE, GREEN, GREY, ORANGE, new_figure
 from validation.report import Section
 
 ANGLES = tuple(np.linspace(0.0, math.pi, 19))
@@ -70,42 +74,134 @@ def single_link(basis: str, modes: int) -> dict[str, Array]:
     }
 
 
+def least_misfit(count: int) -> float:
+    """Return the least mean fraction of strain energy that ``count`` functions of one link miss.
+
+    Of the eight modes of a link by itself, four clamped-free and four
+    pinned-free: the part of their Gram matrix in the energy norm beyond its
+    ``count`` largest eigenvalues, an eighth of its trace.  A frequency is
+    about half of its mode's fraction too high, whatever the functions.
+    """
+    size, (nodes, weights) = 24, legendre.leggauss(100)
+    xi, weights = 0.5 * (nodes + 1.0), 0.5 * weights
+    series = [legendre.legint(np.eye(size)[i, : i + 1], 2, lbnd=-1.0, scl=0.5) for i in range(size)]
+    shapes = np.array(
+        [math.sqrt(2 * i + 1) * legendre.legval(nodes, s) for i, s in enumerate(series)]
+    )
+    mass = np.einsum("q,iq,jq->ij", weights, shapes, shapes)
+    moment = np.einsum("q,q,iq->i", weights, xi, shapes)
+    modes = []
+    for matrix in (mass, mass - 3.0 * np.outer(moment, moment)):
+        squares, vectors = eigh(np.eye(size), matrix)
+        modes.append(vectors[:, :4] / np.sqrt(squares[:4]))
+    rows = np.concatenate(modes, axis=1)
+    return float(np.linalg.eigvalsh(rows.T @ rows)[::-1][count:].sum() / 8.0)
+
+
 def _percent(values: Array) -> str:
     texts = (f"{100.0 * abs(value):.{3 if abs(value) < 0.1 else 0}f}" for value in values)
     return ", ".join(texts)
 
 
 def run() -> Section:
-    """Compute the tables."""
+    """Compute the tables and the picture."""
     section = Section("Natural frequencies")
-    for hub in (0.0, 8.0):
-        section.say(
-            f"Largest error (%) of the first four frequencies over {len(ANGLES)} elbow angles from "
-            f"0 to pi, hubs of {hub:g} kg m^2, against the dynamic stiffness matrix:"
-        )
-        rows = []
-        for basis in BASES:
-            for modes in range(1, 7):
-                found = {joints: errors(basis, modes, hub, joints) for joints in JOINTS}
-                rows.append([basis, modes, *(_percent(found[joints]) for joints in JOINTS)])
-                if basis == "arm_modes" and modes >= 4:
-                    worst = max(float(value.max()) for value in found.values())
-                    section.check(worst < LIMIT, f"{basis}, {modes}: {worst:.2%} over 0.5 %")
-        section.table(["basis", "N", *JOINTS], rows)
+    worst = {hub: _by_basis(section, hub) for hub in (0.0, 8.0)}
+    for hub, found in worst.items():
+        section.goal(
+            f"First four frequencies, N = 4, every elbow angle and joint, hubs of {hub:g} kg m^2",
+            f"{found['arm_modes'][3]:.2%}", "0.5 %", found["arm_modes"][3] < LIMIT,
+        )  # fmt: skip
+    _draw(section, worst[0.0])
+    _one_link(section)
+    _de_luca(section)
+    return section
+
+
+def _by_basis(section: Section, hub: float) -> dict[str, list[float]]:
+    """Add a table; return for each basis the worst error by number of functions."""
+    section.say(
+        f"Largest error (%) of the first four frequencies over {len(ANGLES)} elbow angles from "
+        f"0 to pi, hubs of {hub:g} kg m^2, against the dynamic stiffness matrix:"
+    )
+    rows, worst = [], {}
+    for basis in BASES:
+        worst[basis] = []
+        for modes in range(1, 7):
+            found = {joints: errors(basis, modes, hub, joints) for joints in JOINTS}
+            rows.append([f"`{basis}`", modes, *(_percent(found[joints]) for joints in JOINTS)])
+            worst[basis].append(max(float(value.max()) for value in found.values()))
+    section.table(["basis", "N", *JOINTS], rows)
+    return worst
+
+
+def _draw(section: Section, worst: dict[str, list[float]]) -> None:
+    figure, axis = new_figure("Worst of the first four frequencies, no hubs")
+    styles = ((BLUE, "o-"), (GREEN, "s-."), (ORANGE, "^--"))
+    for (basis, values), (color, style) in zip(worst.items(), styles, strict=True):
+        numbers = range(2, len(values) + 1)
+        axis.semilogy(numbers, 100.0 * np.array(values[1:]), style, color=color, label=basis)
+    axis.axhline(100.0 * LIMIT, color=GREY, linewidth=0.8, linestyle=":")
+    axis.set_xticks(range(2, 7))
+    axis.set_xlabel("functions a link, N")
+    axis.set_ylabel("largest error, %")
+    axis.legend()
+    section.picture("frequencies", figure, "Error of the frequencies against N for each basis")
+
+
+def _one_link(section: Section) -> None:
     section.say("One link by itself, errors (%) of the first four frequencies:")
     rows = []
     for basis in BASES:
         for modes in (4, 5, 6):
             found = single_link(basis, modes)
-            rows.append([basis, modes, *(_percent(found[name]) for name in SINGLE)])
+            rows.append([f"`{basis}`", modes, *(_percent(found[name]) for name in SINGLE)])
+            if basis == "arm_modes" and modes < 6:
+                worst = max(float(np.abs(values).max()) for values in found.values())
+                section.goal(
+                    f"One link, N = {modes}: first four of both the clamped-free and the "
+                    "pinned-free beam", f"{worst:.2%}", "0.5 %", worst < LIMIT,
+                    out_of_reach=0.5 * least_misfit(modes) > LIMIT,
+                )  # fmt: skip
     section.table(["basis", "N", *SINGLE], rows)
+    section.say(
+        "No four functions of one link serve all eight of these: whatever they are, they miss "
+        f"{least_misfit(4):.1%} of the modes' strain energy in the mean, so that the frequencies "
+        f"are some {0.5 * least_misfit(4):.1%} too high in the mean; with five it is "
+        f"{least_misfit(5):.1e}. (In the arm of two links each mode has eight functions.)"
+    )
+
+
+def _de_luca(section: Section) -> None:
     section.say("De Luca and Siciliano (1991), Hz, N = 4:")
-    rows = []
+    rows, worst = [], 0.0
     for name, (rigidity, published) in DE_LUCA.items():
         config = RunConfig(plant=de_luca(rigidity))
         found = natural_frequencies(config, 0.5 * math.pi, "locked")[:2] / (2.0 * math.pi)
         rows.append([name, *published, *(f"{value:.4f}" for value in found)])
-        off = np.abs(found - published) - 0.005  # the published digits
-        section.check(bool(np.all(off < 0.002 * found)), f"{name}: {found} Hz")
+        worst = max(worst, float(np.max(np.abs(found - published))))
     section.table(["", "published f1", "f2", "found f1", "f2"], rows)
-    return section
+    section.goal(
+        "De Luca and Siciliano's four frequencies, Hz, as printed with two digits",
+        f"{worst:.4f}", "0.01", worst < 0.01,
+    )  # fmt: skip
+    plant = load("de_luca_siciliano").plant
+    chain = Chain(
+        plant.length, plant.mass_density, plant.flexural_rigidity, plant.hub_inertia,
+        (plant.link_end_mass, plant.payload_mass), (plant.link_end_inertia, plant.payload_inertia),
+    )  # fmt: skip
+    section.say(
+        "The shipped scenario `de_luca_siciliano`, both links flexible, theta2 = pi/2, rad/s:"
+    )
+    rows, off = [], 0.0
+    for joints, locked in JOINTS.items():
+        theory = dynamic_stiffness.frequencies(chain, 0.5 * math.pi, *locked)
+        found = natural_frequencies(RunConfig(plant=plant), 0.5 * math.pi, joints)[:4]
+        off = max(off, float(np.max(np.abs(found / theory - 1.0))))
+        cells = (", ".join(f"{value:.4f}" for value in values) for values in (theory, found))
+        rows.append([joints, *cells])
+    section.table(["joints", "exact", f"found, N = {plant.modes}"], rows)
+    section.goal(
+        "The same arm, both links flexible, against its dynamic stiffness", f"{off:.3%}", "0.5 %",
+        off < LIMIT,
+    )  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 
 from validation.motion import Array, Case, fly, full_plant
 from validation.nonminimum_phase import held, reversal, step_response
+from validation.pictures import BLUE, GREY, ORANGE, new_figure
 from validation.report import Section
 
 DIRECTORY = Path(__file__).resolve().parent.parent / "test" / "reference"
@@ -102,4 +103,18 @@ def run() -> Section:
                 worst < LIMIT,
             )  # fmt: skip
     section.table(["N", "tip crossing", "6.75 m crossing", "tip", "6.75 m", "elbow"], rows)
+    _draw(section)
     return section
+
+
+def _draw(section: Section) -> None:
+    reference, times = load("T1S"), load("T1S")["t"]
+    figure, axis = new_figure("T1S: end deflection of link 1")
+    axis.plot(times, 1e3 * reference["defl1"], color=GREY, linewidth=3.0, label="reference")
+    for modes, color, dashes in ((1, ORANGE, ":"), (4, BLUE, "--")):
+        motion = fly(full_plant(modes=modes), T1S)
+        axis.plot(motion[:, 0], 1e3 * motion[:, 5], dashes, color=color, label=f"full, N = {modes}")
+    axis.set_xlabel("time, s")
+    axis.set_ylabel("mm")
+    axis.legend()
+    section.picture("t1s", figure, "End deflection of link 1 in T1S, ours on the reference")

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Goal(NamedTuple):
-    """One line of the summary; ``measured`` and ``limit`` as they are to be printed."""
+    """One line of the summary; ``measured`` and ``limit`` as they are to be printed.
+
+    ``out_of_reach``: not met, and shown to be impossible; it is reported like
+    any other, but does not fail `make validate`.
+    """
 
     what: str
     measured: str
     limit: str
     met: bool
+    out_of_reach: bool = False
 
 
 @dataclass
@@ -23,6 +31,7 @@ class Section:
     title: str
     lines: list[str] = field(default_factory=list)
     goals: list[Goal] = field(default_factory=list)
+    pictures: dict[str, Figure] = field(default_factory=dict)
 
     def say(self, text: str) -> None:
         """Add a paragraph."""
@@ -35,9 +44,16 @@ class Section:
         self.lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
         self.lines.append("")
 
-    def goal(self, what: str, measured: str, limit: str, met: bool) -> None:
+    def picture(self, name: str, figure: Figure, alt: str) -> None:
+        """Add a picture, to be written as ``docs/images/validation_NAME.png``."""
+        self.pictures[name] = figure
+        self.lines += [f"![{alt}](images/validation_{name}.png)", ""]
+
+    def goal(
+        self, what: str, measured: str, limit: str, met: bool, out_of_reach: bool = False
+    ) -> None:
         """Judge a goal."""
-        self.goals.append(Goal(what, measured, limit, bool(met)))
+        self.goals.append(Goal(what, measured, limit, bool(met), out_of_reach))
 
     def text(self) -> str:
         """Return the section as Markdown, without its title."""

@@ -1,0 +1,90 @@
+"""The integrator: order, steps a tick, and what a tick costs."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from flexarm_ros.core.parameters import PlantParameters, RunConfig
+from flexarm_ros.core.plant import STABLE_PHASE, highest_frequency
+from validation.motion import Array, full_plant, start
+from validation.report import Section
+
+PERIOD = 1e-3
+
+
+def end_state(plant: PlantParameters, substeps: int, period: float = 0.01) -> Array:
+    """Return positions and rates after 0.2 s under torques, bent and turning."""
+    arm = start(replace(plant, substeps=substeps), (0.2, 1.0), (0.5, -1.0), period)
+    modes = plant.modes
+    for link in (0, 1):
+        arm.q[2 + link * modes] = 0.1 - 0.2 * link
+    for _ in range(round(0.2 / period)):
+        arm.step(20.0, -10.0)
+    return np.concatenate([arm.q, arm.qd])
+
+
+def orders(plant: PlantParameters, counts: tuple[int, ...] = (16, 32, 64)) -> list[float]:
+    """Return the observed order between each pair of numbers of substeps."""
+    exact = end_state(plant, 1024)
+    errors = [float(np.linalg.norm(end_state(plant, n) - exact)) for n in counts]
+    return [math.log2(a / b) for a, b in zip(errors, errors[1:], strict=False)]
+
+
+def cost(plant: PlantParameters) -> tuple[int, float]:
+    """Return the steps a tick, and the CPU time of a tick in us: the best of 20 batches."""
+    arm = start(plant, (0.0, 1.0), (0.5, 0.3))
+    arm.step(0.0, 0.0)
+    best = math.inf
+    for _ in range(20):
+        begin = time.process_time()
+        for _ in range(50):
+            arm.step(1.0, -0.5)
+        best = min(best, (time.process_time() - begin) / 50.0)
+    return arm.substeps, 1e6 * best
+
+
+def run() -> Section:
+    """Compute the tables."""
+    section = Section("Integrator")
+    found = {
+        model: orders(full_plant(modes=2, model=model, hub_inertia=(2.0, 2.0)))
+        for model in ("eq14", "full")
+    }
+    section.say(
+        "Observed order when the step is halved twice, N = 2, 0.2 s of a bent arm under torques: "
+        + "; ".join(
+            f"`{name}` " + ", ".join(f"{order:.2f}" for order in values)
+            for name, values in found.items()
+        )
+        + "."
+    )
+    worst = max(abs(order - 4.0) for values in found.values() for order in values)
+    section.goal("Order of the integrator, distance from 4", f"{worst:.2f}", "0.25", worst < 0.25)
+    section.say(
+        "Cost of a tick of 1 ms: highest frequency (rad/s), Runge-Kutta steps, CPU time "
+        "(us; the best of 20 batches, on whatever core ran this), and the fewest steps that "
+        f"`plant.substeps` may ask for (a phase of {STABLE_PHASE:g} rad a step):"
+    )
+    rows, dearest = [], 0.0
+    for model in ("eq14", "full"):
+        for hub in (0.0, 8.0):
+            for modes in range(1, 7):
+                plant = full_plant(model=model, modes=modes, hub_inertia=(hub, hub))
+                highest = highest_frequency(RunConfig(plant=plant))
+                steps, micros = cost(plant)
+                dearest = max(dearest, micros)
+                least = max(1, math.ceil(highest * PERIOD / STABLE_PHASE))
+                rows.append(
+                    [f"`{model}`", f"{hub:g}", modes, f"{highest:.0f}", steps, f"{micros:.0f}",
+                     least]
+                )  # fmt: skip
+    section.table(["model", "hub, kg m^2", "N", "highest", "steps", "CPU time", "fewest"], rows)
+    section.goal(
+        "Dearest tick of 1 ms, so that explicit steps are not too small", f"{dearest:.0f} us",
+        "1000 us", dearest < 1000.0,
+    )  # fmt: skip
+    return section

@@ -1,0 +1,40 @@
+"""How the pictures of docs/validation.md are drawn and written: as all others are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexarm_ros.analysis.figures_style import (
+    AMBER,
+    BLUE,
+    GREEN,
+    GREY,
+    METADATA,
+    ORANGE,
+    PURPLE,
+    SETTINGS,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["AMBER", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "new_figure", "save"]
+
+
+def new_figure(title: str, inches: tuple[float, float] = (6.5, 3.6)) -> tuple[Figure, Axes]:
+    """Return a figure with one pair of axes."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    matplotlib.rcParams.update(SETTINGS)
+    figure = Figure(figsize=inches, layout="constrained")
+    axis = figure.add_subplot()
+    axis.set_title(title)
+    return figure, axis
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG; equal data give equal files."""
+    figure.savefig(path, metadata=METADATA["png"])
