@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,8 @@ class Output:
             message_class(topic.type_name), topic.name, qos_profile(topic.qos),
             qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
+        self.near: tuple[Input, ...] = ()
+        self._heard = True
         self.configure(topic, None)
 
     def configure(self, topic: Topic, timeline: Timeline | None) -> None:
@@ -58,7 +61,16 @@ class Output:
 
     def send(self, stamp_ns: int, *values: float) -> None:
         """Publish one message with the values in the order of the codec's fields."""
-        self._publish(self._encode(stamp_ns, *values))
+        data = self._encode(stamp_ns, *values)
+        for entry in self.near:
+            entry.arrived.append((data, stamp_ns, values))
+        if self._heard:
+            self._publish(data)
+
+    def look(self) -> None:
+        """See whether anybody listens beside the readers that are handed the messages."""
+        if self.near:
+            self._heard = self.publisher.get_subscription_count() > len(self.near)
 
 
 class Input:
@@ -79,6 +91,9 @@ class Input:
         )  # fmt: skip
         self.handle = self.subscription.handle
         self._take = self.handle.take_message
+        self.arrived: deque[tuple[bytes, int, Values]] = deque()
+        self.near = False
+        """Whether the publisher is in this process and hands its messages over; see `connect`."""
         self.accepted: bytes | None = None
         self.source = topic.node
         self.reset()
@@ -89,6 +104,7 @@ class Input:
         self.data = b""
         self._sequence: int | None = None
         self.values: Values = ()
+        self.arrived.clear()
 
     def configure(self, topic: Topic, timeline: Timeline) -> None:
         """Take the layout and the stamps of the agreed scenario."""
@@ -113,29 +129,40 @@ class Input:
         parameter ``on_invalid`` says to pass over it.
         """
         while self.tick < tick:
-            taken = self._take(self._type, True)
-            if taken is None:
-                return False
-            fault = self._accept(taken[0], taken[1])
+            if self.near:
+                if not self.arrived:
+                    return False
+                fault = self._judge(*self.arrived.popleft())
+            else:
+                taken = self._take(self._type, True)
+                if taken is None:
+                    return False
+                fault = self._accept(taken[0], taken[1])
             if fault:
                 self._participant.invalid_message(self.topic.name, fault)
         return True
 
     def _accept(self, data: bytes, info: dict[str, Any]) -> str:
-        """Make ``data`` the message of the next tick, or say what is wrong with it."""
+        """Make ``data`` from the middleware the next message, or say what is wrong with it."""
         sender = info.get("publisher_gid")
         if self.accepted and sender is not None and sender["data"][:16] != self.accepted:
             return self._unwanted
-        tick = self.tick + 1
         number = info.get("publication_sequence_number")
         if number is not None:
             if self._sequence is not None and number != self._sequence + 1:
-                raise RunFailed(self.source, f"tick {tick}: a message on {self.topic.name} is lost")
+                raise RunFailed(
+                    self.source, f"tick {self.tick + 1}: a message on {self.topic.name} is lost"
+                )
             self._sequence = number
         try:
             stamp, values = self._decode(data)
         except ValueError as error:
             return str(error)
+        return self._judge(data, stamp, values)
+
+    def _judge(self, data: bytes, stamp: int, values: Values) -> str:
+        """Make this the message of the next tick, or say what is wrong with it."""
+        tick = self.tick + 1
         due = self._stamp_ns(tick)
         if stamp > due or (self._exact and stamp != due):
             return f"stamp {stamp} ns where tick {tick} has {due} ns"
@@ -144,9 +171,32 @@ class Input:
         self.tick, self.data, self.values = tick, data, values
         return ""
 
+    def look(self) -> None:
+        """Where messages are handed over: see who else publishes here, throw the copies away."""
+        while self.near and (taken := self._take(self._type, True)) is not None:
+            sender = taken[1].get("publisher_gid")
+            ours = sender is None or sender["data"][:16] == self.accepted
+            if self._unwanted and not ours:
+                self._participant.invalid_message(self.topic.name, self._unwanted)
+
     def bind(self, endpoints: Sequence[Any]) -> None:
         """Accept messages of the one publisher in ``endpoints`` only."""
         self.accepted = bytes(endpoints[0].endpoint_gid)[:16]
+
+
+def connect(participants: Sequence[Participant]) -> None:
+    """Let the participants of one process hand their messages to one another.
+
+    As with intra-process communication in rclcpp, a message then goes through
+    the middleware only while somebody else listens; it is serialized and judged
+    all the same.
+    """
+    entries = [entry for p in participants for entry in p.inputs.values()]
+    for output in [output for p in participants for output in p.outputs.values()]:
+        name = output.publisher.topic_name
+        output.near = tuple(e for e in entries if e.subscription.topic_name == name)
+        for entry in output.near:
+            entry.near = True
 
 
 def spin(participants: Sequence[Participant]) -> None:

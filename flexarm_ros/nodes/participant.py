@@ -43,6 +43,8 @@ class Participant(Node):
     ROLE: ClassVar[str]
     OWN_PARAMETERS: ClassVar[dict[str, Own]] = {}
     """Parameters that are no part of a scenario."""
+    again = False
+    """Whether `advance` may have more to do at once; else one call is all there is to a wake-up."""
 
     def __init__(self, argv: list[str], supervisor: Supervisor, **options: Any) -> None:
         super().__init__(self.ROLE, **options)
@@ -126,6 +128,7 @@ class Participant(Node):
             if not entry.fetch(self.tick):
                 self._missing = entry
                 return False
+        self._missing = entries[0]
         return True
 
     # --- driven by lockstep.spin ---------------------------------------------------
@@ -142,6 +145,8 @@ class Participant(Node):
                 if not self.advance():
                     break
                 moved = True
+                if not self.again:
+                    break
         except Exception as error:
             self.fail(self._failure_of(error))
         if moved:
@@ -169,6 +174,8 @@ class Participant(Node):
         self._looked = now
         try:
             self.board.update()
+            for endpoint in (*self.outputs.values(), *self.inputs.values()):
+                endpoint.look()
             if self.crashed:
                 raise RunFailed(self.ROLE, f"tick {self.tick}: in a service: {self.crashed}")
             if self.interrupted or self.supervisor.gone:

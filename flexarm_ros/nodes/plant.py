@@ -16,7 +16,7 @@ from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.run_control import FASTEST, MOST_STEPS, RunControl
 from flexarm_ros.nodes.status import Phase
 
-RECORDER_WINDOW = 256
+RECORDER_WINDOW = 512
 """Ticks that the plant may be ahead of the recorder, well below the topics' depth."""
 
 
@@ -47,7 +47,7 @@ class PlantNode(Participant):
         holds = str(self.get_parameter("hold_at").value or "")
         self._holds = sorted(int(text) for text in holds.split(",") if text.strip())
         self._sent = False
-        self._free = self.config.run.sync == "free"
+        self._free = self.again = self.config.run.sync == "free"
         self.control = RunControl(self)
         if self._free and self.control.rtf == 0.0:
             self.control.rtf = 1.0
@@ -58,6 +58,7 @@ class PlantNode(Participant):
         self._command = self.inputs["joint_command"]
         self._time = self.outputs["/clock"]
         self._state = self.outputs["plant/state"]
+        self._missing = self._command
         self._sent = False
         self._reported_hold = False
 
@@ -78,23 +79,25 @@ class PlantNode(Participant):
             )  # fmt: skip
 
     def advance(self) -> bool:
-        """Publish the state of this tick, or integrate with the torque that answers it."""
+        """Integrate with the torque that answers the last state, then publish the next one."""
         if self._free:
             return self._advance_free()
-        if not self._sent:
-            if self._held():
+        answered = self._sent
+        if answered:
+            if not self.have(self._command):
                 return False
-            self._send()
-            self._sent = True
-            return True
-        if not self.have(self._command):
-            return False
-        self._sent = False
-        if self.tick + 1 >= self.timeline.ticks:
-            self.tick += 1
-            self.finish()
-            return False
-        return self._integrate(self._command.values)
+            self._sent = False
+            if self.tick + 1 >= self.timeline.ticks:
+                self.tick += 1
+                self.finish()
+                return False
+            if not self._integrate(self._command.values):
+                return False
+        if self._held():
+            return answered
+        self._send()
+        self._sent = True
+        return True
 
     def _integrate(self, torque: Sequence[float]) -> bool:
         """Go to the next tick with the torque held; False where the arm is unstable there."""

@@ -16,7 +16,7 @@ from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from flexarm_ros.nodes.lockstep import spin
+from flexarm_ros.nodes.lockstep import connect, spin
 from flexarm_ros.nodes.participant import Participant, describe
 from flexarm_ros.nodes.supervisor import Supervisor
 from flexarm_ros.scenario import ScenarioError
@@ -30,6 +30,9 @@ CLASSES = {
     "recorder": "RecorderNode",
 }
 COMPOSE = "compose"
+
+_RECORDER_NICE = 10
+"""The recorder is never what a tick waits for: it leaves the processor to those that are."""
 
 
 def run_process(name: str, argv: list[str]) -> int:
@@ -58,7 +61,10 @@ def run_process(name: str, argv: list[str]) -> int:
 
 def _run(names: list[str], argv: list[str]) -> int:
     supervisor = Supervisor()
+    if names == ["recorder"]:
+        os.nice(_RECORDER_NICE)
     nodes = [_make(name, argv, supervisor) for name in names]
+    connect(nodes)
     signals = _Signals(nodes)
     executor = SingleThreadedExecutor()
     for node in nodes:

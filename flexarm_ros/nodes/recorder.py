@@ -37,6 +37,7 @@ class RecorderNode(Participant):
         self._name = str(self.get_parameter("name").value or "")
         self._recording: Recording | None = None
         self._first_wall: float | None = None
+        self._due = 0.0
 
     def build(self) -> None:
         """Create the run's directory; nothing is ever overwritten."""
@@ -61,7 +62,10 @@ class RecorderNode(Participant):
         return Path(wanted) if wanted else free_directory(self._name or "run")
 
     def advance(self) -> bool:
-        """Write whatever has arrived."""
+        """Write whatever has arrived, now and then."""
+        if time.monotonic() < self._due:
+            return False
+        self._due = time.monotonic() + _LOOK_S
         recording = self._recording
         assert recording is not None
         state, arrived = self.inputs["plant/state"], []
