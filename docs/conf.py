@@ -32,6 +32,7 @@ html_theme = "furo"
 html_title = "flexarm_ros"
 html_show_sphinx = False
 html_copy_source = False
+html_show_search_summary = False  # it would be fetched, which a page opened as a file may not
 html_math_renderer = "mathml"
 
 autodoc_typehints = "description"
