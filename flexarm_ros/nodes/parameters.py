@@ -71,14 +71,14 @@ def parameter_files(argv: list[str]) -> list[str]:
     return [value for flag, value in zip(argv, argv[1:], strict=False) if flag == "--params-file"]
 
 
-def assignments(argv: list[str], node: Node) -> Iterator[tuple[str, str]]:
+def assignments(argv: list[str], node: str) -> Iterator[tuple[str, str]]:
     """Yield ``(name, YAML value)`` of each ``-p [NODE:]NAME:=VALUE`` that is meant for ``node``.
 
     They are read here and not from rclpy, where a file's own section for the
     node would win over them, and a rule for a node by name misses one that is
     in a namespace.
     """
-    mine = (node.get_name(), "*", "**")
+    mine = (node, "*", "**")
     inside = False
     words = iter(argv)
     for word in words:
@@ -96,7 +96,7 @@ def declare_and_load(node: Participant, role: str, argv: list[str]) -> RunConfig
 
     Raises ScenarioError where a file or an override is not allowed.
     """
-    own = dict(assignments(argv, node))
+    own = dict(assignments(argv, node.get_name()))
     config = scenario.load(parameter_files(argv), _overrides(own, node, role))
     for section, kind in (("run", RunParameters), (role, SECTIONS.get(role))):
         if kind is None:
@@ -121,7 +121,7 @@ def declare_own(node: Participant, argv: list[str]) -> None:
 
     Raises ScenarioError where the command line gives one that is not allowed.
     """
-    given = dict(assignments(argv, node))
+    given = dict(assignments(argv, node.get_name()))
     for key, own in node.OWN_PARAMETERS.items():
         descriptor = ParameterDescriptor(
             description=own.doc + (f" [{own.unit}]" if own.unit else ""), read_only=not own.live
