@@ -67,6 +67,7 @@ EXTRAS = {
         "exudyn; platform_machine == 'x86_64' and python_version < '3.14'",
         "hypothesis",
         "mypy",
+        "pyarrow",  # else the tests of Parquet files are skipped
         "pytest",
         "ruff",
         "types-PyYAML",

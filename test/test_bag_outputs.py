@@ -182,7 +182,7 @@ def test_no_room_for_the_trajectory(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_export_csv(run: Path, tmp_path: Path) -> None:
-    rows = export(run, tmp_path / "out", "csv")
+    rows = export(run, tmp_path / "out", "csv").rows
     topics = ["clock", "plant_state", "joint_states", "tip_sensor_odometry", "reference",
               "joint_command", "trajectory"]  # fmt: skip
     assert rows == {f"{name}.csv": 600 for name in topics}
@@ -206,13 +206,50 @@ def test_export_of_a_bag_with_gaps(tmp_path: Path) -> None:
                 if (tick, topic) != (160, STATE):
                     writer.write(topic, tick, data)
             writer.end_tick(tick)
-    rows = export(tmp_path / "bag", tmp_path / "out", "csv")
+    rows = export(tmp_path / "bag", tmp_path / "out", "csv").rows
     assert rows["clock.csv"] == 250
     assert rows["plant_state.csv"] == 249
     assert rows["trajectory.csv"] == 100
     ticks = columns(tmp_path / "out" / "plant_state.csv")["tick"]
     assert 160 not in ticks
     assert ticks[100] == 150
+
+
+def test_export_of_a_damaged_bag_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sound = write_small(tmp_path / "bag", small_config()).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(sound[: len(sound) // 2])
+    assert main(["export", str(tmp_path / "cut.mcap"), "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr()
+    assert "only in part: " in said.err
+    assert "damaged at byte" in said.err
+    ticks = columns(tmp_path / "out" / "clock.csv")["tick"]
+    assert 0 < len(ticks) < 300
+    assert f"{len(ticks)} rows  {tmp_path / 'out'}/clock.csv" in said.out
+
+
+def test_an_export_that_fails_leaves_nothing(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("flexarm_ros.bag.export._CsvFile.write", full)
+    with pytest.raises(BagError, match="cannot be written: No space left"):
+        export(run, tmp_path / "out", "csv")
+    assert not (tmp_path / "out").exists()
+
+
+def test_export_command(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "out")
+    assert main(["export", str(run / "bag" / "bag_0.mcap"), "--out", out]) == 0
+    assert f"600 rows  {out}/joint_command.csv" in capsys.readouterr().out
+    assert main(["export", str(run), "--out", out]) == 2
+    assert "not overwritten" in capsys.readouterr().err
+    assert main(["export", str(tmp_path / "nothing"), "--out", out + "2"]) == 2
+    assert main(["export", str(run), "--format", "xls", "--out", out + "2"]) == 2
+    assert not (tmp_path / "out2").exists()
 
 
 def test_export_parquet(run: Path, tmp_path: Path) -> None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -20,6 +23,14 @@ FORMATS = ("csv", "parquet")
 NO_PYARROW = "parquet needs pyarrow, which is not installed: pip install pyarrow"
 
 
+@dataclass(frozen=True)
+class Exported:
+    """``rows`` of each file; ``damage``: where the bag breaks off, empty if it does not."""
+
+    rows: dict[str, int]
+    damage: str
+
+
 def table_name(topic: Topic) -> str:
     """Return the name of a topic's file without its ending: ``plant_state``."""
     return topic.path.strip("/").replace("/", "_")
@@ -32,34 +43,43 @@ def table_columns(topic: Topic) -> tuple[str, ...]:
 
 def export(
     run: str | os.PathLike[str], directory: str | os.PathLike[str], file_format: str
-) -> dict[str, int]:
-    """Write the tables of RUN into a new directory; return ``{file: rows}``.
+) -> Exported:
+    """Write the tables of RUN into a new directory.
 
     Each topic has a file with the columns tick, stamp_ns (the message's own
     stamp) and its fields; ``trajectory`` has the columns of ``trajectory.csv``
-    for the ticks that the bag has in one piece from the start.  Raises
-    BagError, BagExistsError where ``directory`` exists.
+    for the ticks that the bag has in one piece from the start.  A damaged bag
+    is exported as far as it goes.  Raises BagError, BagExistsError where
+    ``directory`` exists; nothing is left then of what was written.
     """
     reader, target = BagReader(run), Path(directory)
     if file_format == "parquet":
         _pyarrow()
     make_directory(target)
-    files = {
-        topic.path: _open(target, table_name(topic), table_columns(topic), 2, file_format)
-        for topic in reader.topics
-    }
-    trajectory = _open(target, "trajectory", COLUMNS, 0, file_format)
     try:
+        rows = _write(reader, target, file_format)
+    except (BagError, OSError) as error:
+        shutil.rmtree(target, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise BagError(f"{target}: cannot be written: {error.strerror}") from None
+        raise
+    return Exported(rows, str(reader.damage or ""))
+
+
+def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:
+    with ExitStack() as stack:
+        files = {}
+        for topic in reader.topics:
+            file = _open(target, table_name(topic), table_columns(topic), 2, file_format)
+            files[topic.path] = file
+            stack.callback(file.close)
+        trajectory = _open(target, "trajectory", COLUMNS, 0, file_format)
+        stack.callback(trajectory.close)
         for group in batches(reader):
             for batch in group:
                 files[reader.topics[batch.topic].path].write(_columns(batch))
         for columns in _trajectory(reader):
             trajectory.write(columns)
-    except OSError as error:
-        raise BagError(f"{target}: cannot be written: {error.strerror}") from None
-    finally:
-        for file in (*files.values(), trajectory):
-            file.close()
     return {file.name: file.rows for file in (*files.values(), trajectory)}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
 
@@ -13,6 +14,8 @@ def add_parser(subparsers: Any) -> None:
         help="a bag's messages as CSV or Parquet",
         description="Write one table for each topic of BAG (a run's directory, the bag in it or "
         "the .mcap file), and its trajectory, into the new directory DIR. Parquet needs pyarrow.",
+        epilog="Exit status: 0 exported; 1 not possible, or the bag is damaged and was exported "
+        "as far as it goes; 2 bad usage.",
     )
     parser.add_argument("bag", metavar="BAG")
     parser.add_argument("--format", choices=("csv", "parquet"), default="csv")
@@ -20,10 +23,13 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Export the bag; 0, or 1 where that is not possible."""
+    """Export the bag; 0, or 1 where that is not possible or the bag is damaged."""
     from flexarm_ros.bag.export import export
 
-    files = export(args.bag, args.out, args.format)
-    for name, rows in files.items():
+    exported = export(args.bag, args.out, args.format)
+    for name, rows in exported.rows.items():
         print(f"{rows:9} rows  {args.out}/{name}")
+    if exported.damage:
+        print(f"flexarm export: only in part: {exported.damage}", file=sys.stderr)
+        return 1
     return 0
