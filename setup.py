@@ -71,8 +71,6 @@ EXTRAS = {
         "pytest",
         "ruff",
         "types-PyYAML",
-        *DOCS,
-        *NOTEBOOK,
     ],
     "docs": DOCS,
     "notebook": NOTEBOOK,

@@ -154,7 +154,7 @@ build() {
         fresh_venv wheels
         quietly pip_install -c constraints.txt setuptools wheel
         say "make env: installing rclpy and the rest (a minute or two)"
-        quietly pip_install -c constraints.txt --no-build-isolation -e '.[ros,dev]'
+        quietly pip_install -c constraints.txt --no-build-isolation -e '.[ros,dev,docs,notebook]'
     else
         fail "make env: the rclpy wheels are for x86_64 Linux with glibc only; this is $(uname -sm)." \
             "Install ROS 2 (Jazzy or Kilted), source its setup.bash and run make again." \

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 import flexarm_ros as fa
-from flexarm_ros.api import environment
+
+checker = pytest.importorskip(
+    "gymnasium.utils.env_checker", reason="pip install 'flexarm_ros[gymnasium]'"
+)
 
 NOISY = {"encoder": {"noise_std": 1e-3}, "tip_sensor": {"noise_std": 1e-2, "latency": 0.0035}}
 
 
 @pytest.mark.filterwarnings("ignore:.*(imum value|render modes):UserWarning")
 def test_gymnasium_s_own_checker_is_content() -> None:
-    check_env(fa.FlexArmEnv("fls_tip", duration=0.2, **NOISY))
+    checker.check_env(fa.FlexArmEnv("fls_tip", duration=0.2, **NOISY))
 
 
 def test_the_wrapper_is_short() -> None:
-    assert len(Path(environment.__file__).read_text("utf-8").splitlines()) < 150
+    assert len(Path(inspect.getfile(fa.FlexArmEnv)).read_text("utf-8").splitlines()) < 150
 
 
 def test_an_agent_that_plays_a_run_s_torques_flies_that_run() -> None:

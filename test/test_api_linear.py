@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import control
 import numpy as np
 import pytest
 
 import flexarm_ros as fa
 from flexarm_ros.core.stability import SampledLoop
 from flexarm_ros.core.stability_law import NoLinearFormError
+
+control = pytest.importorskip("control", reason="pip install 'flexarm_ros[control]'")
 
 POSE = 1.1
 

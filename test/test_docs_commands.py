@@ -34,6 +34,7 @@ LINK = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)(?:#[^)\s]*)?\)")
 PENDING = {
     f"{topic}.md" for topic in ("validation", "performance", "reliability", "install")
 }  # pages that are being written
+NOTEBOOK = "an extra is missing; pip install 'flexarm_ros[notebook]'"
 LIMIT_S = {"quick": 600.0, "slow": 3600.0}
 
 # What stands around a page's commands.  The tests run in what `make env` makes, and are what
@@ -95,6 +96,9 @@ def run_page(page: Path, directory: Path, domain: int, left_out: set[str], limit
     if shell:
         run(["/bin/bash", "-c", PRELUDE + shell], directory, limit, name(page))
     python = "".join(block.text for block in taken if block.kind == "python")
+    if python and page.endswith("notebook.md"):
+        for library in ("control", "gymnasium", "pandas", "xarray"):
+            pytest.importorskip(library, reason=NOTEBOOK)
     if python:
         script = directory / "snippets.py"
         script.write_text(python, "utf-8")

@@ -20,7 +20,7 @@ def script(directory: Path, name: str, body: str) -> None:
 
 @pytest.fixture
 def tools(tmp_path: Path) -> Path:
-    """Return a directory that is all of PATH: no browser, and programs that write down their use."""
+    """Return a directory that is all of PATH: no browser, and programs that note their use."""
     found = shutil.which("dirname")
     assert found is not None
     (tmp_path / "dirname").symlink_to(found)

@@ -85,8 +85,15 @@ def linear_law(
     their sign: ``control.feedback(arm, law, sign=1)`` is the closed loop, whose poles are what
     ``flexarm stability`` prints.  For the fuzzy law it holds at lambda(0, 0) = 1/6.
 
-    Parameters are those of :func:`linearize`.  Raises ``NoLinearFormError`` (a ``ValueError``)
-    for a law that has no linear form, ``open_loop``.
+    Parameters
+    ----------
+    scenario, theta2, theta1, **changes
+        As for :func:`linearize`.
+
+    Raises
+    ------
+    NoLinearFormError
+        A ``ValueError``, for a law that has no linear form, ``open_loop``.
     """
     with extra("control"):
         import control

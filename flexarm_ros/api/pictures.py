@@ -70,6 +70,13 @@ def report(runs: Run | Sequence[Run], path: str | os.PathLike[str]) -> Path:
     """Write the self-contained HTML page of some runs to ``path`` and return it.
 
     The page is that of ``flexarm report``: interactive, and it needs no network.
+
+    Parameters
+    ----------
+    runs
+        A run or several.
+    path
+        The file to write; replaced where it exists.
     """
     from flexarm_ros.analysis.report import render
     from flexarm_ros.bag.files import write_atomically

@@ -156,6 +156,11 @@ class Run:
 def load(path: str | os.PathLike[str]) -> Run:
     """Read a run back from its output directory or its bag.
 
+    Parameters
+    ----------
+    path
+        The output directory of a run, or the bag in it.
+
     Raises
     ------
     RunError
