@@ -143,7 +143,7 @@ def _eq14(section: Section) -> None:
         plant = PlantParameters(model="eq14", modes=modes, hub_inertia=(8.0, 8.0))
         rows.append([modes, *(f"{value:.3f}" for value in eq14_drift(plant))])
     section.table(["N", "energy", "momentum"], rows)
-    lost = ", ".join(f"{survival(modes):.2f} s at N = {modes}" for modes in (1, 2, 4))
+    lost = ", ".join(f"{1e3 * survival(modes):.0f} ms at N = {modes}" for modes in (1, 2, 4))
     section.say(f"Without hub inertia it diverges in this motion: after {lost}.")
     history = eq14_history(PlantParameters(model="eq14", modes=1, hub_inertia=(8.0, 8.0)))
     figure, axis = new_figure("Free motion of eq14, N = 1, hubs of 8 kg m²", (6.5, 3.0))
