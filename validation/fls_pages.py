@@ -9,6 +9,8 @@ import numpy as np
 
 from validation.tables import DOCS, Lines, Table, fixed, grouped, number, put, read, table
 
+PAGE = DOCS / "fls.md"
+
 
 def ks_lines() -> Lines:
     """Results over K_s with three and five functions, and with a constant gain."""
@@ -115,8 +117,7 @@ def gain_lines() -> Lines:
     )  # fmt: skip
 
 
-def write() -> Path:
+def write(page: Path = PAGE) -> Path:
     """Put the tables into the page."""
-    page = DOCS / "fls.md"
     put(page, {"ks": ks_lines(), "best": best_lines(), "kn": kn_lines(), "gain": gain_lines()})
     return page

@@ -20,6 +20,7 @@ from validation.tables import (
     table,
 )
 
+PAGE = DOCS / "stability.md"
 LATENCY = "tip_sensor.latency"
 PLACE = "tip_sensor.location"
 SOURCE = "controller.velocity_source"
@@ -208,9 +209,8 @@ def growth_lines() -> Lines:
     return table(("law", "rates from", *(f"{x} m" for x in places)), cells())
 
 
-def write() -> Path:
+def write(page: Path = PAGE) -> Path:
     """Put the tables into the page."""
-    page = DOCS / "stability.md"
     put(page, {
         "boundary": boundary_lines(), "outcome": outcome_lines(), "effect": effect_lines(),
         "correction": correction_lines(), "hub": hub_lines(), "agreement": agreement_lines(),

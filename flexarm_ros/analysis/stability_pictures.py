@@ -234,18 +234,18 @@ def fls_gain(data: Path) -> Figure:
         label="fls_tip in flight, every 25 ms",
     )  # fmt: skip
     axis.axhspan(2.5, 12.5, color=SKY, alpha=0.15, lw=0)
-    axis.text(1.75, 11.6, r"range of $K_s\lambda$", fontsize=8, color=GREY, ha="right")
+    axis.text(1.75, 11.9, r"range of $K_s\lambda$", fontsize=8, color=GREY, ha="right", va="top")
     axis.axhline(1.0, color=GREY, lw=0.8)
     axis.text(1.75, 1.04, "PD (20)", fontsize=8, color=GREY, ha="right")
     axis.set(
         yscale="log", xlabel="theta2, rad", ylabel=r"factor of $J^T(K_p e + K_d \dot e)$",
-        xlim=(0.0, 1.78), ylim=(0.1, 60.0),
+        xlim=(0.0, 1.78), ylim=(0.03, 60.0),
         title="Largest stable gain at rest, and the gain that the FLS schedules",
     )  # fmt: skip
     ticks = [0.1, 0.2, 0.5, 1, 2.5, 5, 12.5, 25, 50]
     axis.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.minorticks_off()
-    axis.legend(loc="lower center", ncols=2, bbox_to_anchor=(0.5, 0.14))
+    axis.legend(loc="lower center", ncols=2)
     return figure
 
 
