@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import random
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -218,3 +221,70 @@ def test_command(
     assert "not overwritten" in err
     assert main(["recover", str(tmp_path / "absent"), "--out", str(tmp_path / "y")]) == 2
     assert "no such file" in capsys.readouterr().err
+
+
+LIMIT = 120_000
+"""Bytes that a file may have in the tests of a disk that fills up."""
+
+
+def with_little_room(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a command whose files cannot grow beyond `LIMIT`: as on a full disk, mid-record."""
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
+
+    return subprocess.run(
+        [sys.executable, "-m", "flexarm_ros.cli", *map(str, words)], preexec_fn=limited,
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def written_part(run: Path) -> int:
+    """Return the whole ticks that a bag cut at `LIMIT` must give back, having checked its mark."""
+    summary = json.loads((run / "summary.json").read_text())
+    assert summary["complete"] is False
+    assert summary["stable"] is None
+    chunks = 0
+    with Scanner(run / "bag" / "bag_0.mcap") as scanner, contextlib.suppress(BagError):
+        for record in scanner.records():
+            chunks += record.opcode == 0x06
+    return chunks * CHUNK
+
+
+def test_disk_full_under_a_simulation(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    done = with_little_room("simulate", "fls_tip", "--set", "duration=1",
+                            "--set", "recorder.chunk_time=0.05", "--out", run)  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert "bag_0.mcap: cannot be written: File too large" in done.stderr
+    assert (run / "bag" / "bag_0.mcap").stat().st_size == LIMIT
+    ticks = written_part(run)
+    assert ticks >= 200
+    assert main(["recover", str(run), "--out", str(tmp_path / "new")]) == 3
+    assert len(list(BagReader(tmp_path / "new").ticks())) == ticks
+    assert main(["verify", str(tmp_path / "new")]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.nodes
+def test_disk_full_under_a_run(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    done = with_little_room("run", "fls_tip", "--set", "duration=1", "--no-pictures",
+                            "--set", "recorder.chunk_time=0.05", "--out", run)  # fmt: skip
+    assert done.returncode == 1
+    assert "recorder: tick " in done.stderr
+    assert "cannot be written: File too large" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert main(["verify", str(run)]) == 0
+    assert json.loads((run / "summary.json").read_text())["complete"] is False
+
+
+def test_a_rescue_that_finds_no_room_leaves_nothing(tmp_path: Path) -> None:
+    assert main(["simulate", "fls_tip", "--set", "duration=1", "--no-pictures",
+                 "--out", str(tmp_path / "run")]) == 0  # fmt: skip
+    done = with_little_room("recover", tmp_path / "run", "--out", tmp_path / "new")
+    assert done.returncode == 1
+    assert "File too large" in done.stderr
+    assert not (tmp_path / "new").exists()
+    assert main(["recover", str(tmp_path / "run"), "--out", str(tmp_path / "new")]) == 0

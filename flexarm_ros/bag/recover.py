@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,8 +97,8 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
     """Rescue what is sound in the bag of RUN into the new directory ``new_bag``.
 
     Nothing is created where nothing can be rescued.  Raises BagError where RUN
-    has no file to look at or the new bag cannot be written, BagExistsError
-    where ``new_bag`` exists.
+    has no file to look at or the new bag cannot be written (nothing of it is
+    left then), BagExistsError where ``new_bag`` exists.
     """
     path, target = find_bag(run), Path(new_bag)
     if os.path.lexists(target):
@@ -108,10 +109,16 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
         rescue.note("no sound chunk of messages")
         return rescue
     config = _config(path, front, rescue)
-    if config is None:
-        _rescue_plain(path, front, target, rescue)
-    else:
-        _rescue_run(path, front, config, target, rescue)
+    try:
+        if config is None:
+            _rescue_plain(path, front, target, rescue)
+        else:
+            _rescue_run(path, front, config, target, rescue)
+    except BagExistsError:
+        raise  # somebody else has made it meanwhile
+    except BagError:
+        shutil.rmtree(target, ignore_errors=True)  # half a bag, which the next try would not touch
+        raise
     return rescue
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexarm_ros import scenario
+from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import finish_run, prepare_directory
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.warmup import warm_up
@@ -97,10 +98,13 @@ def run_scenario(
     wall_s = ended - started if started is not None and ended is not None else None
     if report.unstable:
         outcome.problem = f"unstable at tick {report.unstable_tick}: {report.unstable}"
-    outcome.summary = finish_run(
-        directory, config, name, wall_s=wall_s, problem=outcome.problem,
-        unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
-    )  # fmt: skip
+    try:
+        outcome.summary = finish_run(
+            directory, config, name, wall_s=wall_s, problem=outcome.problem,
+            unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
+        )  # fmt: skip
+    except BagError as error:  # a full disk, say: why the run ended is told nevertheless
+        raise BagError("; ".join(filter(None, (outcome.problem, str(error))))) from None
     return outcome
 
 
