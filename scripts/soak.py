@@ -190,7 +190,7 @@ def left_behind(soak: Soak) -> list[str]:
     again = litter.Litter()
     again.names = set(soak.memory)
     names = [name for name in again.names if (litter.FOLDER / name).exists()]
-    return [name for name in names if not litter._in_use(litter.FOLDER / (name + "_el"))]
+    return [name for name in names if not litter.in_use(litter.FOLDER / (name + "_el"))]
 
 
 def soak_for(minutes: float, folder: Path) -> Soak:

@@ -47,7 +47,7 @@ class Litter:
         """Remove what is left of processes that have ended; return the names of the files."""
         gone = []
         for name in sorted(self.names):
-            if _in_use(FOLDER / (name + _LOCK)):
+            if in_use(FOLDER / (name + _LOCK)):
                 continue
             for file in (name, name + _LOCK, f"sem.{name}_mutex"):
                 with contextlib.suppress(OSError):
@@ -69,7 +69,7 @@ def _inodes_locked_by(pids: set[int]) -> set[int]:
     return found
 
 
-def _in_use(lock: Path) -> bool:
+def in_use(lock: Path) -> bool:
     """Whether a living process holds ``lock``; a lock that cannot be tried counts as held."""
     try:
         descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)

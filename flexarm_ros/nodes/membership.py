@@ -49,8 +49,11 @@ class Membership:
         """Return the status of a role's holder, None where there is none.
 
         The holder is whoever was there when this node became ready; before, of
-        those who are there, the one that was first.
+        those who are there, the one that was first.  This node's own role has no
+        other holder, whoever says so.
         """
+        if role == self._me.ROLE:
+            return None
         if role in self._members:
             return self._board.others.get(self._members[role])
         held = self._board.of(role)
@@ -190,7 +193,7 @@ class Membership:
             raise RunFailed("", f"start: two publishers on {entry.topic.name}: {nodes}")
         if not mine or entry.subscription.handle.get_publisher_count() < 1:
             return False
-        entry.bind(mine)
+        entry.bind(mine, foreign=entry.source in self.foreign)
         return True
 
     def _output_matched(self, output: Any) -> bool:

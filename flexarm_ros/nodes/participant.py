@@ -317,6 +317,11 @@ class Participant(Node):
             self._closed = True
             self.close()
 
+    def tell_invalid(self) -> None:
+        """Say in the end how many messages were none of the run's."""
+        if self.invalid:
+            self.get_logger().warning(f"{self.invalid} invalid messages in all")
+
     def flush(self) -> None:
         """Wait until every reader has this node's messages, two seconds at the longest."""
         from rclpy.duration import Duration

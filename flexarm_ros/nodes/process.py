@@ -79,6 +79,7 @@ def _run(names: list[str], argv: list[str]) -> int:
         executor.shutdown(timeout_sec=1.0)
         services.join(timeout=1.0)
         for node in nodes:
+            node.tell_invalid()
             node.destroy_node()
     return signals.status or (1 if any(n.failure or n.failed_run for n in nodes) else 0)
 

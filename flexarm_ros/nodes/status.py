@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -35,6 +36,13 @@ _READ_QOS = QoSProfile(
 
 
 _MOST_VALUES = 50
+_MOST_MESSAGES = 200
+"""Messages taken at one look: a flood of them must not keep a node from its work."""
+
+EPOCH, PACE = "epoch", "pace_s"
+"""Keys of further values: the run's number in this graph, and the plant's wall time a tick."""
+
+_LARGEST, _LONGEST_S = 2**62, 1e12
 
 
 class Phase(str, Enum):
@@ -95,24 +103,40 @@ class Status:
         """Return the status in a message, None where it is nobody's of ours."""
         values = {pair.key: pair.value for pair in message.values[:_MOST_VALUES]}
         try:
+            _check_numbers(values)
             return cls(
                 role=message.name,
                 identity=message.hardware_id,
-                node=_printable(values.pop("node")),
+                node=printable(values.pop("node")),
                 phase=Phase(values.pop("phase")),
-                text=_printable(message.message),
+                text=printable(message.message),
                 parameters=values.pop("parameters"),
-                last_tick=int(values.pop("last_tick")),
-                blame=_printable(values.pop("blame")),
+                last_tick=_whole(values.pop("last_tick"), -1),
+                blame=printable(values.pop("blame")),
                 extra=values,
             )
         except (KeyError, ValueError):
             return None
 
 
-def _printable(text: str) -> str:
+def _check_numbers(values: Mapping[str, str]) -> None:
+    """Raise ValueError where what is read as a number later on is none."""
+    _whole(values.get(EPOCH, "0"), 0)
+    if not 0.0 <= float(values.get(PACE, "0")) <= _LONGEST_S:
+        raise ValueError
+
+
+def _whole(text: str, least: int) -> int:
+    """Return the whole number in ``text``; ValueError where it is none, or out of bounds."""
+    number = int(text)
+    if not least <= number <= _LARGEST:
+        raise ValueError
+    return number
+
+
+def printable(text: str, longest: int = 500) -> str:
     """Return a stranger's text as it may stand in a log: one line, no control characters."""
-    return "".join(c if c.isprintable() else "?" for c in text[:500])
+    return "".join(c if c.isprintable() else "?" for c in text[:longest])
 
 
 class Board:
@@ -140,8 +164,8 @@ class Board:
         self._publisher.publish(self.mine.to_message())
 
     def update(self) -> None:
-        """Take what has arrived and forget those who left without a word."""
-        while True:
+        """Take what has arrived."""
+        for _ in range(_MOST_MESSAGES):
             taken = self._subscription.handle.take_message(DiagnosticStatus, False)
             if taken is None:
                 break

@@ -1,0 +1,149 @@
+"""One node against a wire full of rubbish: the test plays every other node of its run.
+
+`Peers` holds the seats of all other roles from one DDS participant, as the player does for the
+controller, and knows from a simulation which bytes belong to each tick.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from bagtools import small_messages
+from nodetools import start_node
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.topics import Topic, per_tick_topics
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.agreement import dump_sections
+from flexarm_ros.nodes.endpoints import NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.graph import READERS, ROLES, message_class, qos_profile
+from flexarm_ros.nodes.status import Board, Phase
+
+PATIENCE_S = 60.0
+
+
+class Wire:
+    """A DDS participant of the test, with publishers of raw bytes."""
+
+    def __init__(self, name: str) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
+        self.node = rclpy.create_node(name, context=self.context, start_parameter_services=False)
+        self._publishers: dict[str, Any] = {}
+
+    def publisher(self, name: str, kind: Any, qos: Any) -> Any:
+        """Return the publisher of ``name``, made at its first use."""
+        if name not in self._publishers:
+            self._publishers[name] = self.node.create_publisher(
+                kind, name, qos, qos_overriding_options=NO_OVERRIDES
+            )
+        return self._publishers[name]
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+class Peers(Wire):
+    """All roles but one."""
+
+    def __init__(self, role: str, config: RunConfig) -> None:
+        super().__init__("peers")
+        self.role, self.config = role, config
+        self.topics = per_tick_topics(config)
+        self.timeline = Timeline.of(config.run)
+        self.boards = {r: Board(self.node, r) for r in ROLES if r != role}
+        for name, board in self.boards.items():
+            board.publish(parameters=dump_sections(config, name))
+        self.inputs = [t for t in self.topics if role in READERS[t.name]]
+        self.output = [t for t in self.topics if t.node == role]
+        for topic in self.topics:
+            if topic.node != role:
+                self.publisher(topic.name, message_class(topic.type_name), qos_profile(topic.qos))
+        self.heard = {
+            topic.name: self.node.create_subscription(
+                message_class(topic.type_name), topic.name, lambda _: None, qos_profile(topic.qos),
+                raw=True, qos_overriding_options=NO_OVERRIDES,
+            )
+            for topic in self.output
+        }  # fmt: skip
+        self._waiter = Waiter(self.context)
+
+    def right(self, topic: Topic, tick: int) -> bytes:
+        """Return the bytes that belong on ``topic`` at ``tick``."""
+        return small_messages(self.config)[tick][self.topics.index(topic)]
+
+    def send(self, topic: Topic, data: bytes) -> None:
+        """Publish bytes."""
+        self.publisher(topic.name, None, None).publish(data)
+
+    def hear(self, topic: Topic, node: subprocess.Popen[str]) -> bytes:
+        """Wait for the node's next message."""
+        handle = self.heard[topic.name].handle
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            taken = handle.take_message(message_class(topic.type_name), True)
+            if taken is not None:
+                return bytes(taken[0])
+            assert node.poll() is None, f"the node has ended:\n{node.communicate()[0]}"
+            self._waiter.wait([handle], 100_000_000)
+        raise AssertionError(f"no message on {topic.name} within {PATIENCE_S:g} s")
+
+    def wait_until(self, node: subprocess.Popen[str], done: Callable[[], bool], what: str) -> None:
+        """Look at the node's status until ``done``."""
+        board = next(iter(self.boards.values()))
+        deadline = time.monotonic() + PATIENCE_S
+        while not done():
+            board.update()
+            assert node.poll() is None, f"the node has ended:\n{node.communicate()[0]}"
+            assert time.monotonic() < deadline, what
+            self._waiter.wait([board.handle], 50_000_000)
+
+    def phase(self) -> Phase | None:
+        """Return the phase that the node under test tells."""
+        held = next(iter(self.boards.values())).of(self.role)
+        return held[0].phase if held else None
+
+    def _connected(self) -> bool:
+        """Whether each input of the node has our publisher, and each output our reader."""
+        return all(
+            self.publisher(topic.name, None, None).get_subscription_count() for topic in self.inputs
+        ) and all(heard.handle.get_publisher_count() for heard in self.heard.values())
+
+    def begin(self, node: subprocess.Popen[str]) -> None:
+        """Wait until the node runs; the plant's seat then says that it does too."""
+        self.wait_until(node, self._connected, "connected")
+        for board in self.boards.values():
+            board.publish(phase=Phase.READY)
+        self.wait_until(node, lambda: self.phase() in (Phase.READY, Phase.RUNNING), "ready")
+        if self.role != "plant":
+            self.boards["plant"].publish(phase=Phase.RUNNING)
+        self.wait_until(node, lambda: self.phase() is Phase.RUNNING, "running")
+
+    def end(self, ticks: int) -> None:
+        """Say that the run is over."""
+        for board in self.boards.values():
+            board.publish(phase=Phase.DONE, last_tick=ticks - 1)
+
+
+def fly_against(role: str, file: Path, *words: str) -> tuple[Peers, subprocess.Popen[str]]:
+    """Start the node ``role`` and the test's peers, and wait until both are running."""
+    config = scenario.load(str(file), [])
+    peers = Peers(role, config)
+    node = start_node(role, file, *words)
+    try:
+        peers.begin(node)
+    except BaseException:
+        node.kill()
+        node.wait()
+        peers.close()
+        raise
+    return peers, node
