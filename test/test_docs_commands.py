@@ -96,7 +96,7 @@ def run_page(page: Path, directory: Path, domain: int, left_out: set[str], limit
     if shell:
         run(["/bin/bash", "-c", PRELUDE + shell], directory, limit, name(page))
     python = "".join(block.text for block in taken if block.kind == "python")
-    if python and page.endswith("notebook.md"):
+    if python and page.name == "notebook.md":
         for library in ("control", "gymnasium", "pandas", "xarray"):
             pytest.importorskip(library, reason=NOTEBOOK)
     if python:
