@@ -9,41 +9,27 @@ it differs from the field's own (a law's gain, ``lqg.horizon``).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from flexarm_ros.core.changes import Change
+from flexarm_ros.core.parameters_planning import PlanningParameters
+from flexarm_ros.core.parameters_spec import Spec, specs
+from flexarm_ros.core.parameters_spec import parameter as _key
 
-
-@dataclass(frozen=True)
-class Spec:
-    """What is allowed for one key, and what it means.
-
-    ``kind`` is one of ``float``, ``int``, ``bool``, ``str``, ``float2`` (an
-    array of two, one value a link or axis) and ``floats`` (any length from 1).
-    ``low`` and ``high`` bound each value; ``low_open`` excludes the bound
-    itself.  ``choices`` lists the allowed texts.  ``live`` marks what may be
-    changed while a run goes on (at a tick boundary).  ``whole_ns`` marks a
-    time whose decimal text times 1e9 must be an integer.
-    """
-
-    kind: str
-    unit: str
-    doc: str
-    paper: str = ""
-    low: float | None = None
-    high: float | None = None
-    low_open: bool = False
-    choices: tuple[str, ...] = ()
-    optional: bool = False
-    live: bool = False
-    whole_ns: bool = False
-
-
-def _key(default: Any, kind: str, unit: str, doc: str, **rest: Any) -> Any:
-    key = rest.pop("key", None)
-    spec = Spec(kind, unit, doc, optional=default is None, **rest)
-    return field(default=default, metadata={"spec": spec, "key": key})
+__all__ = [
+    "SECTIONS",
+    "ControllerParameters",
+    "EncoderParameters",
+    "PlantParameters",
+    "RecorderParameters",
+    "RunConfig",
+    "RunParameters",
+    "Spec",
+    "TipSensorParameters",
+    "TrajectoryParameters",
+    "changed",
+    "specs",
+]
 
 
 @dataclass(frozen=True)
@@ -221,12 +207,13 @@ class TrajectoryParameters:
 
 
 @dataclass(frozen=True)
-class ControllerParameters:
-    """Section ``controller``: the control law and its gains."""
+class FeedbackParameters:
+    """The control law, and what the paper's take."""
 
     law: str = _key(
-        "fls", "str", "", "control law: pd is (20), fls is (21)",
-        choices=("pd", "fls", "open_loop"),
+        "fls", "str", "", "control law: pd is (20), fls is (21); inverse, passive, lqg, "
+        "adaptive: see docs/controllers.md",
+        choices=("pd", "fls", "open_loop", "inverse", "passive", "lqg", "adaptive"),
     )  # fmt: skip
     feedback: str = _key(
         "tip_sensor", "str", "", "what closes the loop", choices=("encoder", "tip_sensor")
@@ -257,6 +244,11 @@ class ControllerParameters:
     torque_limit: float = _key(
         0.0, "float", "N m", "largest torque of each joint, 0: none", low=0.0, high=1e9, live=True
     )
+
+
+@dataclass(frozen=True)
+class ControllerParameters(PlanningParameters, FeedbackParameters):
+    """Section ``controller``: the control law and its gains."""
 
 
 @dataclass(frozen=True)
@@ -303,14 +295,6 @@ class RunConfig:
     recorder: RecorderParameters = RecorderParameters()
     torques: tuple[tuple[float, float, float], ...] = ()
     changes: tuple[Change, ...] = ()
-
-
-def specs(section: type) -> dict[str, tuple[str, Spec, Any]]:
-    """Return ``{key in the file: (field name, Spec, default)}`` of a section's class."""
-    return {
-        f.metadata["key"] or f.name: (f.name, f.metadata["spec"], f.default)
-        for f in fields(section)
-    }
 
 
 def changed(config: RunConfig, change: Change) -> RunConfig:

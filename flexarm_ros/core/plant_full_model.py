@@ -70,11 +70,15 @@ def link_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
 @lru_cache(maxsize=16)
 def make_constants(plant: PlantParameters) -> Constants:
     """Return the packed integrals of an arm; shared between callers, not to be changed."""
+    return make_constants_on(plant, link_bases(plant))
+
+
+def make_constants_on(plant: PlantParameters, bases: tuple[Basis, Basis]) -> Constants:
+    """Return the packed integrals of an arm with the shape functions of each link given."""
     ends = (
         (plant.link_end_mass, plant.link_end_inertia),
         (plant.payload_mass, plant.payload_inertia),
     )
-    bases = link_bases(plant)
     links = [_link(plant, bases[link], link, *ends[link]) for link in (0, 1)]
     scalars, vectors, matrices, cross, quartic = (
         np.ascontiguousarray(np.stack(parts)) for parts in zip(*links, strict=True)

@@ -5,14 +5,27 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
 from flexarm_ros.core.control.open_loop import OpenLoopLaw
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw, fuzzy_gain
+from flexarm_ros.core.control.planned import InverseLaw, PassiveLaw
 from flexarm_ros.core.parameters import RunConfig
 
-LAWS: dict[str, type[Law]] = {"pd": PdLaw, "fls": FlsLaw, "open_loop": OpenLoopLaw}
+LAWS: dict[str, type[Law]] = {
+    "pd": PdLaw,
+    "fls": FlsLaw,
+    "open_loop": OpenLoopLaw,
+    "inverse": InverseLaw,
+    "passive": PassiveLaw,
+    "lqg": LqgLaw,
+    "adaptive": AdaptiveLaw,
+}
 """Name of a law -> its class."""
 
-__all__ = ["LAWS", "Law", "Sample", "gain_of", "make_law"]
+PLANNING = ("inverse", "passive", "lqg", "adaptive")
+"""Laws that compute the whole motion before the first tick."""
+
+__all__ = ["LAWS", "PLANNING", "Law", "Sample", "gain_of", "make_law"]
 
 
 def make_law(config: RunConfig) -> Law:

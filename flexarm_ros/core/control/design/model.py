@@ -1,0 +1,192 @@
+"""The arm as a controller knows it: nonlinear step, linearisation and tip.
+
+The model is the ``full`` plant with parameters of the controller's own
+(``controller.model.*``), so that a plant that differs from what the controller
+believes can be tried.  State x (2n,) = (q, q'), n = 2 + 2N; inputs tau1, tau2.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.control.design.matrix import multiply
+from flexarm_ros.core.kinematics import elastic_point
+from flexarm_ros.core.plant_full_dynamics import Work, acceleration
+from flexarm_ros.core.plant_full_model import Constants
+
+_TAYLOR = 10
+_STEP = 1e-5
+
+UNCERTAIN = 2
+"""Parameters that a model may be off in: logarithms of EI and of the mass density."""
+
+
+class Point(NamedTuple):
+    """A material point, as ``elastic_point`` takes it: shapes (3, N + 1), shortening (2, N, N)."""
+
+    shapes: FloatArray
+    shortening: FloatArray
+
+
+class Arm(NamedTuple):
+    """The model: integrals, their change with EI and density, tip, sensed point, scratch.
+
+    ``rigidity`` and ``density``: d(constants) / d(EI / EI_0) and of the density, on
+    the same shape functions, so that constants are linear in both.
+    """
+
+    con: Constants
+    rigidity: Constants
+    density: Constants
+    tip: Point
+    sensed: Point
+    mass: FloatArray
+    work: Work
+
+
+@compiled
+def adjust(base: Constants, rigidity: Constants, density: Constants, ei: float, rho: float,
+           out: Constants) -> None:  # fmt: skip
+    """Set ``out`` to ``base`` with EI and density multiplied by 1 + ``ei`` and 1 + ``rho``."""
+    out.scalars[:] = base.scalars + ei * rigidity.scalars + rho * density.scalars
+    out.vectors[:] = base.vectors + ei * rigidity.vectors + rho * density.vectors
+    out.matrices[:] = base.matrices + ei * rigidity.matrices + rho * density.matrices
+    out.cross[:] = base.cross + ei * rigidity.cross + rho * density.cross
+    out.quartic[:] = base.quartic + ei * rigidity.quartic + rho * density.quartic
+    out.hub[:] = base.hub
+
+
+@compiled
+def linearise(arm: Arm, state: FloatArray, tau1: float, tau2: float, rows: FloatArray) -> None:
+    """Fill ``rows`` (n, 2n + 2): how q'' changes with q, q' and the torques.
+
+    Central differences with a step at which rounding and the third
+    derivative both leave some nine digits.  Nothing depends on theta1.
+    """
+    n = state.shape[0] // 2
+    high, low, at = np.zeros(n), np.zeros(n), state.copy()
+    rows[:, 0] = 0.0
+    for j in range(1, 2 * n):
+        kept = at[j]
+        at[j] = kept + _STEP
+        acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.mass, high, arm.work)
+        at[j] = kept - _STEP
+        acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.mass, low, arm.work)
+        at[j] = kept
+        for i in range(n):
+            rows[i, j] = (high[i] - low[i]) / (2.0 * _STEP)
+    # Affine in the torques: a difference over 1 N m is exact.
+    acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.mass, low, arm.work)
+    for j in range(2):
+        acceleration(arm.con, at[:n], at[n:], tau1 + (1.0 - j), tau2 + j, arm.mass, high, arm.work)
+        for i in range(n):
+            rows[i, 2 * n + j] = high[i] - low[i]
+
+
+@compiled
+def sensitivity(
+    arm: Arm, around: tuple[Constants, Constants, Constants, Constants], change: float,
+    state: FloatArray, tau1: float, tau2: float, rows: FloatArray,
+) -> None:  # fmt: skip
+    """Fill ``rows`` (n, 2n + 4)'s last two columns: how q'' changes with log EI and log density.
+
+    ``around``: constants with each of the two lowered and raised by ``change`` / 2.
+    """
+    n = state.shape[0] // 2
+    low, high = np.zeros(n), np.zeros(n)
+    q, qd = state[:n], state[n:]
+    softer, stiffer, lighter, heavier = around
+    acceleration(softer, q, qd, tau1, tau2, arm.mass, low, arm.work)
+    acceleration(stiffer, q, qd, tau1, tau2, arm.mass, high, arm.work)
+    for i in range(n):
+        rows[i, 2 * n + 2] = (high[i] - low[i]) / change
+    acceleration(lighter, q, qd, tau1, tau2, arm.mass, low, arm.work)
+    acceleration(heavier, q, qd, tau1, tau2, arm.mass, high, arm.work)
+    for i in range(n):
+        rows[i, 2 * n + 3] = (high[i] - low[i]) / change
+
+
+@compiled
+def discretise(rows: FloatArray, period: float, ad: FloatArray, bd: FloatArray) -> None:
+    """Fill ``ad`` (2n, 2n) and ``bd`` (2n, c): one tick of ``period`` s with held inputs.
+
+    ``rows`` (n, 2n + c): how q'' changes with q, q' and c inputs.  Taylor
+    series of the exponential of [[A, B], [0, 0]].
+    """
+    n = rows.shape[0]
+    size, width = 2 * n, rows.shape[1]
+    generator = np.zeros((size, size))
+    term, following = np.zeros((size, width)), np.zeros((size, width))
+    for i in range(n):
+        generator[i, n + i] = period
+        for j in range(size):
+            generator[n + i, j] = period * rows[i, j]
+        for j in range(size, width):
+            term[n + i, j] = period * rows[i, j]
+    for i in range(size):
+        term[i, i] = 1.0
+    ad[:, :], bd[:, :] = term[:, :size], term[:, size:]
+    for order in range(1, _TAYLOR + 1):
+        multiply(generator, term, following)
+        for i in range(size):
+            for j in range(size):
+                term[i, j] = following[i, j] / order
+                ad[i, j] += term[i, j]
+            for j in range(size, width):
+                term[i, j] = following[i, j] / (order + 1)
+                bd[i, j - size] += term[i, j]
+
+
+@compiled
+def interval_matrices(
+    rows: FloatArray, ticks: int, period: float, transition: FloatArray, drive: FloatArray
+) -> None:
+    """Fill ``transition`` (2n + c, 2n + c) and ``drive`` (2n + c, 2) over ``ticks`` ticks.
+
+    Of (x, u, p): ``rows`` (n, 2n + c) says how q'' changes with them, the c
+    inputs being the torques u and constants p; ``drive``: the torques' rates,
+    each tick's torque being that of its middle, held.
+    """
+    size, width = 2 * rows.shape[0], rows.shape[1]
+    inputs = width - size
+    ad, bd = np.zeros((size, size)), np.zeros((size, inputs))
+    discretise(rows, period, ad, bd)
+    total, following = np.zeros((size, width + 2)), np.zeros((size, width + 2))
+    for i in range(size):
+        total[i, i] = 1.0
+    for tick in range(ticks):
+        multiply(ad, total, following)
+        time = (tick + 0.5) * period
+        for i in range(size):
+            for j in range(width + 2):
+                total[i, j] = following[i, j]
+            for j in range(inputs):
+                total[i, size + j] += bd[i, j]
+            for j in range(2):
+                total[i, width + j] += time * bd[i, j]
+    transition[:, :], drive[:, :] = 0.0, 0.0
+    transition[:size, :] = total[:, :width]
+    drive[:size, :] = total[:, width:]
+    for j in range(inputs):
+        transition[size + j, size + j] = 1.0
+    for j in range(2):
+        drive[size + j, j] = ticks * period
+
+
+@compiled
+def point_jacobian(point: Point, q: FloatArray, jacobian: FloatArray) -> tuple[float, float]:
+    """Fill ``jacobian`` (2, n), of the point's x, y to q; return x, y.
+
+    By ``elastic_point``, whose velocities are linear in the rates.
+    """
+    rates = np.zeros(q.shape[0])
+    x, y = 0.0, 0.0
+    for j in range(q.shape[0]):
+        rates[j] = 1.0
+        x, y, vx, vy = elastic_point(q, rates, point.shapes, point.shortening)
+        rates[j] = 0.0
+        jacobian[0, j], jacobian[1, j] = vx, vy
+    return x, y

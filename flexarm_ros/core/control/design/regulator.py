@@ -1,0 +1,121 @@
+"""Linear-quadratic regulator with integral action about a planned motion.
+
+The state is (dx, v, I, p): deviation from the plan, the torque added to it, the
+integral of the tip's deviation, and how far the arm's parameters are from the
+model's (logarithms of EI and density).  The input is v'.  It minimises
+
+    sum of H (w_p |d tip|^2 + w_i |I|^2 + w_u |v|^2 + w_r |v'|^2)
+
+along the plan, by a Riccati recursion backwards in time (Bryson and Ho, Applied
+Optimal Control, 1975, section 5.2).  p does not change and cannot be steered;
+its column of the gain is the preview of what a known error of the model will
+do, to first order, over the rest of the path.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.control.design.matrix import (
+    add_outer,
+    gains_of_two,
+    multiply,
+    symmetrise,
+    transpose_multiply,
+)
+from flexarm_ros.core.control.design.model import (
+    Arm,
+    interval_matrices,
+    linearise,
+    point_jacobian,
+    sensitivity,
+)
+from flexarm_ros.core.control.design.plan import Grid, Motion
+from flexarm_ros.core.plant_full_model import Constants
+
+
+class RegulatorWeights(NamedTuple):
+    """Weights per m^2, (m s)^2, (N m)^2 and (N m/s)^2."""
+
+    tip: float
+    integral: float
+    torque: float
+    rate: float
+
+
+@compiled
+def place_integral(
+    small: FloatArray, small_drive: FloatArray, jacobian: FloatArray, spacing: float,
+    transition: FloatArray, drive: FloatArray,
+) -> None:  # fmt: skip
+    """Spread matrices of (x, v, p) over (x, v, I, p) and let I gather the tip's deviation."""
+    inner, total = small.shape[0] - 2, transition.shape[0]
+    transition[:, :], drive[:, :] = 0.0, 0.0
+    transition[:inner, :inner] = small[:inner, :inner]
+    transition[:inner, total - 2 :] = small[:inner, inner:]
+    drive[:inner, :] = small_drive[:inner, :]
+    for c in range(4):
+        transition[inner + c, inner + c] = 1.0
+    for c in range(2):
+        for i in range(jacobian.shape[1]):
+            transition[inner + c, i] = spacing * jacobian[c, i]
+
+
+@compiled
+def add_stage(
+    jacobian: FloatArray, spacing: float, weights: RegulatorWeights, value: FloatArray
+) -> None:
+    """Add one interval's cost to ``value``."""
+    at = 2 * jacobian.shape[1]
+    add_outer(jacobian, spacing * weights.tip, value)
+    for c in range(2):
+        value[at + c, at + c] += spacing * weights.torque
+        value[at + 2 + c, at + 2 + c] += spacing * weights.integral
+
+
+@compiled
+def fill_regulator(
+    arm: Arm, around: tuple[Constants, Constants, Constants, Constants], apart: float,
+    weights: RegulatorWeights, grid: Grid, motion: Motion, beyond: int, gains: FloatArray,
+) -> None:  # fmt: skip
+    """Fill ``gains`` (K, 2, 2n + 6) of v' on (dx, v, I, p).
+
+    The recursion starts ``beyond`` intervals after the last, at rest there, so
+    that the gains do not fade towards the end.
+    """
+    count, size = gains.shape[0], motion.state.shape[1]
+    both, period = size + 6, grid.substeps * grid.step
+    spacing = grid.ticks * period
+    jacobian, rows = np.zeros((2, size // 2)), np.zeros((size // 2, size + 4))
+    value = np.zeros((both, both))
+    small, small_drive = np.zeros((size + 4, size + 4)), np.zeros((size + 4, 2))
+    transition, drive = np.zeros((both, both)), np.zeros((both, 2))
+    ahead, ahead_drive = np.zeros((both, both)), np.zeros((both, 2))
+    cross, inner = np.zeros((2, both)), np.zeros((2, 2))
+    lead, change = np.zeros(2), np.zeros(2)
+    for place in range(count + beyond - 1, -1, -1):
+        j = min(place, count - 1)
+        if place < count or place == count + beyond - 1:
+            tau1, tau2 = motion.torque[j, 0], motion.torque[j, 1]
+            point_jacobian(arm.tip, motion.state[j, : size // 2], jacobian)
+            linearise(arm, motion.state[j], tau1, tau2, rows)
+            sensitivity(arm, around, apart, motion.state[j], tau1, tau2, rows)
+            interval_matrices(rows, grid.ticks, period, small, small_drive)
+            place_integral(small, small_drive, jacobian, spacing, transition, drive)
+        multiply(value, transition, ahead)
+        multiply(value, drive, ahead_drive)
+        transpose_multiply(drive, ahead, cross)
+        transpose_multiply(drive, ahead_drive, inner)
+        for c in range(2):
+            inner[c, c] += spacing * weights.rate
+        gains_of_two(inner, cross, lead, gains[j], change)
+        transpose_multiply(transition, ahead, value)
+        for c in range(2):
+            for i in range(both):
+                for k in range(both):
+                    value[i, k] += cross[c, i] * gains[j, c, k]
+        symmetrise(value)
+        add_stage(jacobian, spacing, weights, value)

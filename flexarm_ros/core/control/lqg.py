@@ -1,0 +1,261 @@
+"""Laws ``lqg`` and ``adaptive``: estimated flexible state, regulated about a planned motion.
+
+Both take the undelayed encoders and the delayed tip sensor's position; what
+the plant publishes of its elastic state is not used.  See
+:mod:`flexarm_ros.core.control.design` for how plan, gains and filter come about.
+
+``lqg``: errors of EI, density and latency count in the filter's covariance and
+are not estimated.  ``adaptive``: they are estimated, the model in the filter
+follows them, and the regulator leads the arm to what they will do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.control.design.filter import UNKNOWNS, FilterModel, fill_filter
+from flexarm_ros.core.control.design.model import Arm, Point, adjust
+from flexarm_ros.core.control.design.motion import APART, Planned, around, model_of, plan_for
+from flexarm_ros.core.control.design.plan import Grid
+from flexarm_ros.core.control.design.regulator import RegulatorWeights, fill_regulator
+from flexarm_ros.core.control.feedback import limited
+from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.kinematics import elastic_point
+from flexarm_ros.core.parameters import ControllerParameters, RunConfig, TipSensorParameters
+from flexarm_ros.core.plant_full_dynamics import step
+from flexarm_ros.core.plant_full_model import Constants
+from flexarm_ros.core.sensors import ticks_per_sample
+from flexarm_ros.core.timeline import Timeline, named_ns
+
+_BEYOND_S = 10.0
+"""Time after the plan over which the regulator's gains settle, s."""
+
+_FARTHEST = 0.35
+"""Largest estimate of log EI and log density."""
+
+
+class Design(NamedTuple):
+    """Gains of the regulator (K, 2, 2n + 6) and of the filter (K, total, 6)."""
+
+    regulator: FloatArray
+    filter: FloatArray
+
+
+class Latency(NamedTuple):
+    """The believed latency in ticks, whole and part, and the ticks a tip sample."""
+
+    whole: int
+    part: float
+    every: int
+
+
+class Memory(NamedTuple):
+    """What a law carries on: estimate z (total,), added torque v (2,), integral (2,)."""
+
+    z: FloatArray
+    v: FloatArray
+    integral: FloatArray
+
+
+def latency_of(config: RunConfig) -> Latency:
+    """Return the latency that the controller believes in."""
+    period_ns = Timeline.of(config.run).period_ns
+    own = config.controller.model_tip_latency
+    seconds = config.tip_sensor.latency if own is None else own
+    whole, rest = divmod(named_ns("controller.model.tip_latency", seconds), period_ns)
+    return Latency(whole, rest / period_ns, ticks_per_sample(config.tip_sensor.rate, period_ns))
+
+
+def filter_model(
+    gains: ControllerParameters, latency: Latency, period: float, size: int, adapt: bool
+) -> FilterModel:
+    """Return what the filter assumes; ``size`` is 2n."""
+    start = np.full(size + UNKNOWNS, 1e-8)
+    unsure = (gains.lqg_model_std, gains.lqg_model_std, gains.lqg_latency_std)
+    for i, std in enumerate(unsure):
+        start[size + i] = std * std
+    start[size + 3 :] = 0.0
+    wander = np.zeros(UNKNOWNS)
+    if adapt:
+        wander[:3] = [(std * gains.adaptive_wander) ** 2 * period for std in unsure]
+    considered = np.array([0.0 if adapt else 1.0] * 3 + [1.0] * 2)
+    variances = np.array([gains.lqg_angle_std**2, gains.lqg_rate_std**2, gains.lqg_tip_std**2])
+    noise = np.array(
+        [gains.lqg_torque_noise**2, gains.lqg_joint_noise**2, gains.lqg_elastic_noise**2]
+    )
+    return FilterModel(
+        latency.whole, latency.part, latency.every, variances, noise, start, wander, considered
+    )
+
+
+@lru_cache(maxsize=4)
+def _design(config: RunConfig, adapt: bool) -> Design:
+    """Gains for ``config``, of which only what the design depends on is set."""
+    plan, gains, latency = plan_for(config), config.controller, latency_of(config)
+    count, size = plan.motion.rate.shape[0], plan.motion.state.shape[1]
+    spacing = plan.grid.ticks * plan.grid.substeps * plan.grid.step
+    weights = RegulatorWeights(
+        gains.lqg_tip_weight, gains.lqg_integral_weight, gains.lqg_torque_weight,
+        gains.lqg_rate_weight,
+    )  # fmt: skip
+    regulator = np.zeros((count, 2, size + 6))
+    near, beyond = around(plan.arm), math.ceil(_BEYOND_S / spacing)
+    fill_regulator(plan.arm, near, APART, weights, plan.grid, plan.motion, beyond, regulator)
+    period = Timeline.of(config.run).period
+    setup = filter_model(gains, latency, period, size, adapt)
+    filtered = np.zeros((count, size + UNKNOWNS + 2 * (latency.whole + 2), 6))
+    fill_filter(plan.arm, near, APART, setup, plan.grid, plan.motion, filtered)
+    return Design(regulator, filtered)
+
+
+def design_key(config: RunConfig) -> RunConfig:
+    """Return ``config`` without what no design depends on, so that runs can share one.
+
+    The plant itself stays in only through what the controller believes of it.
+    """
+    latency = config.controller.model_tip_latency
+    latency = config.tip_sensor.latency if latency is None else latency
+    believed = replace(config.controller, law="lqg", model_tip_latency=latency)
+    sensor = replace(
+        TipSensorParameters(), location=config.tip_sensor.location, rate=config.tip_sensor.rate
+    )
+    return RunConfig(
+        run=replace(config.run, seed=0), plant=model_of(config), tip_sensor=sensor,
+        trajectory=config.trajectory, controller=believed,
+    )  # fmt: skip
+
+
+@compiled
+def correct(
+    z: FloatArray, gains: FloatArray, latency: Latency, period: float, n: int, tip: bool,
+    encoder: tuple[float, float, float, float], point: tuple[float, float],
+) -> None:  # fmt: skip
+    """Take in this tick's readings; z (total,), gains (total, 6)."""
+    size = 2 * n
+    newer = size + 5 + 2 * latency.whole
+    e0, e1 = encoder[0] - z[0], encoder[1] - z[1]
+    e2, e3 = encoder[2] - z[n], encoder[3] - z[n + 1]
+    e4, e5 = 0.0, 0.0
+    if tip:
+        late = latency.part + z[size + 2] / period
+        e4 = point[0] - z[newer] - late * (z[newer + 2] - z[newer])
+        e5 = point[1] - z[newer + 1] - late * (z[newer + 3] - z[newer + 1])
+    for i in range(z.shape[0]):
+        z[i] += gains[i, 0] * e0 + gains[i, 1] * e1 + gains[i, 2] * e2 + gains[i, 3] * e3
+        z[i] += gains[i, 4] * e4 + gains[i, 5] * e5
+
+
+@compiled
+def tip_deviation(point: Point, z: FloatArray, planned: FloatArray, n: int) -> tuple[float, float]:
+    """Return how far the estimated tip is from the planned one, m."""
+    x, y, _, _ = elastic_point(z[:n], z[n : 2 * n], point.shapes, point.shortening)
+    px, py, _, _ = elastic_point(planned[:n], planned[n : 2 * n], point.shapes, point.shortening)
+    return x - px, y - py
+
+
+@compiled
+def regulate(
+    arm: Arm, gains: FloatArray, planned: FloatArray, memory: Memory, period: float, limit: float
+) -> tuple[float, float]:
+    """Return the torques: the plan's and v, whose rate is linear in what deviates.
+
+    v is what remains after the limit, and where a joint is at its limit the
+    integral waits, so that neither winds up.
+    """
+    z, v, integral = memory
+    size = planned.shape[0] - 2
+    rate, torque = np.zeros(2), np.zeros(2)
+    for c in range(2):
+        for i in range(size):
+            rate[c] += gains[c, i] * (z[i] - planned[i])
+        for i in range(2):
+            rate[c] += gains[c, size + i] * v[i]
+            rate[c] += gains[c, size + 2 + i] * integral[i]
+            rate[c] += gains[c, size + 4 + i] * z[size + i]
+    free = True
+    for c in range(2):
+        asked = planned[size + c] + v[c] + period * rate[c]
+        torque[c] = limited(asked, limit)
+        free = free and asked == torque[c]
+        v[c] = torque[c] - planned[size + c]
+    if free:
+        dx, dy = tip_deviation(arm.tip, z, planned, size // 2)
+        integral[0] += period * dx
+        integral[1] += period * dy
+    return torque[0], torque[1]
+
+
+@compiled
+def predict_state(
+    arm: Arm, own: Constants, grid: Grid, z: FloatArray, tau1: float, tau2: float, n: int
+) -> None:
+    """Carry the estimate over a tick with the torques held."""
+    size = 2 * n
+    for i in range(2):
+        z[size + i] = min(max(z[size + i], -_FARTHEST), _FARTHEST)
+    if z[size] != 0.0 or z[size + 1] != 0.0:
+        ei, rho = math.exp(z[size]) - 1.0, math.exp(z[size + 1]) - 1.0
+        adjust(arm.con, arm.rigidity, arm.density, ei, rho, own)
+    step(
+        own, z[:n], z[n:size], tau1 + z[size + 3], tau2 + z[size + 4], grid.step, grid.substeps,
+        arm.mass, arm.work,
+    )  # fmt: skip
+    for i in range(z.shape[0] - 1, size + 6, -1):
+        z[i] = z[i - 2]
+    x, y, _, _ = elastic_point(z[:n], z[n:size], arm.sensed.shapes, arm.sensed.shortening)
+    z[size + 5], z[size + 6] = x, y
+
+
+class LqgLaw(Law):
+    """Kalman filter and time-varying linear-quadratic regulator about the optimal motion."""
+
+    ADAPT = False
+
+    def __init__(self, config: RunConfig) -> None:
+        super().__init__(config)
+        self._plan: Planned = plan_for(config)
+        self._latency = latency_of(config)
+        self._design = _design(design_key(config), self.ADAPT)
+        self._period = Timeline.of(config.run).period
+        self._n = self._plan.motion.state.shape[1] // 2
+        self._own = Constants(*(part.copy() for part in self._plan.arm.con))
+        z = np.zeros(self._design.filter.shape[1])
+        z[: 2 * self._n] = self._plan.dense[0, : 2 * self._n]
+        sensed = self._plan.arm.sensed
+        point = elastic_point(z[: self._n], z[: self._n], sensed.shapes, sensed.shortening)
+        z[2 * self._n + UNKNOWNS :: 2], z[2 * self._n + UNKNOWNS + 1 :: 2] = point[:2]
+        self._memory = Memory(z, np.zeros(2), np.zeros(2))
+
+    @property
+    def unknowns(self) -> FloatArray:
+        """Estimates of log EI, log density, latency's error (s), torque disturbances (N m)."""
+        return np.array(self._memory.z[2 * self._n : 2 * self._n + UNKNOWNS])
+
+    def torque(self, k: int, sample: Sample) -> tuple[float, float]:
+        """Return tau1, tau2 (N m); see :class:`Law`."""
+        plan, n, memory = self._plan, self._n, self._memory
+        knot = min(k // plan.grid.ticks, len(self._design.regulator) - 1)
+        tip = k % self._latency.every == 0
+        correct(
+            memory.z, self._design.filter[knot], self._latency, self._period, n, tip,
+            sample.encoder, sample.tip[:2],
+        )  # fmt: skip
+        planned = plan.dense[min(k, len(plan.dense) - 1)]
+        torque: tuple[float, float] = regulate(
+            plan.arm, self._design.regulator[knot], planned, memory, self._period,
+            self.config.controller.torque_limit,
+        )  # fmt: skip
+        predict_state(plan.arm, self._own, plan.grid, memory.z, *torque, n)
+        return torque
+
+
+class AdaptiveLaw(LqgLaw):
+    """``lqg`` that estimates EI, density and latency while it runs, and uses them."""
+
+    ADAPT = True

@@ -1,0 +1,144 @@
+"""Laws ``inverse`` and ``passive``: the planned motion's torque and collocated feedback.
+
+``inverse``: inverse dynamics of the flexible arm as feedforward, and the joints
+held to the planned angles,
+
+    tau = tau_p + K_p (theta_p - theta) + K_d (theta_p' - theta'),
+
+by the encoders alone.  The feedback acts where the torque does, so that it
+takes energy out of every mode whatever the arm's parameters (Gevarter, AIAA
+Journal 8, 1970).  The tip sensor is not used.
+
+``passive``: the same, and a slow correction by the delayed tip through an output
+between joints and tip (the mu-tip of Damaren, IEE Proc. D 142, 1995: joint
+rates and a part mu of the elastic rates, which a torque reaches passively
+where the tip's own rate is not).  What the delayed tip shows of the deflection
+beyond the planned one, d(t), is low-passed and that part of it led against:
+
+    c' = w (-mu d - c),   theta_t = theta_p + J^T (J J^T + l^2)^-1 c,
+
+    d(t) = p(t) - [p_p + r(theta) - r(theta_p)](t - latency),
+
+p the sensed point as delivered, p_p as planned, r and J the rigid arm's point
+and the tip's Jacobian.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.control.design.model import Point
+from flexarm_ros.core.control.design.motion import plan_for
+from flexarm_ros.core.control.feedback import limited
+from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.control.lqg import latency_of
+from flexarm_ros.core.kinematics import elastic_point, rigid_point
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import Timeline
+
+_REGULAR = 2.0
+"""l, m: below this lever a direction is hardly corrected, near the straight arm."""
+
+
+@compiled
+def collocated(
+    planned: FloatArray, target: FloatArray, encoder: tuple[float, float, float, float],
+    gains: tuple[float, float], limit: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the planned torques with those of the joint loops; ``planned`` (2n + 2,)."""
+    size = planned.shape[0] - 2
+    n = size // 2
+    kp, kd = gains
+    tau1 = planned[size] + kp * (target[0] - encoder[0]) + kd * (planned[n] - encoder[2])
+    tau2 = planned[size + 1] + kp * (target[1] - encoder[1]) + kd * (planned[n + 1] - encoder[3])
+    return limited(tau1, limit), limited(tau2, limit)
+
+
+@compiled
+def expect(
+    point: Point,
+    along: tuple[float, float],
+    planned: FloatArray,
+    encoder: tuple[float, float, float, float],
+    out: FloatArray,
+) -> None:
+    """Set ``out`` (2,) to where the sensed point is, were the deflection the planned one."""
+    n = (planned.shape[0] - 2) // 2
+    x, y, _, _ = elastic_point(planned[:n], planned[n : 2 * n], point.shapes, point.shortening)
+    rx, ry, _, _ = rigid_point(along[0], along[1], encoder[0], encoder[1], 0.0, 0.0)
+    px, py, _, _ = rigid_point(along[0], along[1], planned[0], planned[1], 0.0, 0.0)
+    out[0], out[1] = x + rx - px, y + ry - py
+
+
+@compiled
+def lead(
+    planned: FloatArray, lengths: tuple[float, float], c: FloatArray, target: FloatArray
+) -> None:
+    """Set ``target`` (2,), the joint angles that move the rigid tip by ``c`` (2,), damped."""
+    th1, th2 = planned[0], planned[1]
+    x, y, _, _ = rigid_point(lengths[0], lengths[1], th1, th2, 0.0, 0.0)
+    x2, y2, _, _ = rigid_point(0.0, lengths[1], th1, th2, 0.0, 0.0)
+    square = _REGULAR * _REGULAR
+    a, b, d = y * y + y2 * y2 + square, -x * y - x2 * y2, x * x + x2 * x2 + square
+    det = a * d - b * b
+    fx, fy = (d * c[0] - b * c[1]) / det, (a * c[1] - b * c[0]) / det
+    target[0] = th1 - y * fx + x * fy
+    target[1] = th2 - y2 * fx + x2 * fy
+
+
+class InverseLaw(Law):
+    """Inverse dynamics of the flexible arm along the planned motion, and joint loops."""
+
+    def __init__(self, config: RunConfig) -> None:
+        super().__init__(config)
+        self._plan = plan_for(config)
+        self._target = np.zeros(2)
+
+    def torque(self, k: int, sample: Sample) -> tuple[float, float]:
+        """Return tau1, tau2 (N m); see :class:`Law`."""
+        planned = self._at(k)
+        self._target[:] = planned[:2]
+        return self._held(planned, sample)
+
+    def _at(self, k: int) -> FloatArray:
+        row: FloatArray = self._plan.dense[max(0, min(k, len(self._plan.dense) - 1))]
+        return row
+
+    def _held(self, planned: FloatArray, sample: Sample) -> tuple[float, float]:
+        gains = self.config.controller
+        torque: tuple[float, float] = collocated(
+            planned, self._target, sample.encoder, (gains.joint_kp, gains.joint_kd),
+            gains.torque_limit,
+        )  # fmt: skip
+        return torque
+
+
+class PassiveLaw(InverseLaw):
+    """``inverse`` with the joints' targets slowly corrected by the delayed tip."""
+
+    def __init__(self, config: RunConfig) -> None:
+        super().__init__(config)
+        self._late = latency_of(config)
+        self._step = config.controller.passive_bandwidth * Timeline.of(config.run).period
+        self._ring = np.zeros((self._late.whole + self._late.every + 2, 2))
+        self._correction = np.zeros(2)
+        first = config.plant.length[0]
+        self._along = (first, max(config.tip_sensor.location - first, 0.0))
+
+    def torque(self, k: int, sample: Sample) -> tuple[float, float]:
+        """Return tau1, tau2 (N m); see :class:`Law`."""
+        planned = self._at(k)
+        here = self._ring[k % len(self._ring)]
+        expect(self._plan.arm.sensed, self._along, planned, sample.encoder, here)
+        late = self._late
+        # At ticks without a new sample the old one is that much older.
+        newer = k - k % late.every - late.whole
+        gains, c = self.config.controller, self._correction
+        for axis in (0, 1):
+            after = self._ring[max(newer, 0) % len(self._ring), axis]
+            before = self._ring[max(newer - 1, 0) % len(self._ring), axis]
+            beyond = sample.tip[axis] - (after + late.part * (before - after))
+            c[axis] += self._step * (-gains.passive_share * beyond - c[axis])
+        lead(planned, self.config.plant.length, c, self._target)
+        return self._held(planned, sample)

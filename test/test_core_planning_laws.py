@@ -1,0 +1,117 @@
+"""Laws that hold the true tip: bounds are the goals, not what came out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from flexarm_ros import scenario
+from flexarm_ros.core.checks import check
+from flexarm_ros.core.control import LAWS, PLANNING, make_law
+from flexarm_ros.core.control.design import motion
+from flexarm_ros.core.control.lqg import AdaptiveLaw
+from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.metrics import Metrics
+from flexarm_ros.core.rows import Rows
+
+SIDE = ("duration=4.0",)
+SOFT = "plant.flexural_rigidity=[1508.4, 1508.4]"
+STIFF = "plant.flexural_rigidity=[1843.6, 1843.6]"
+HEAVY = "plant.mass_density=[0.3685, 0.3685]"
+LATE = "tip_sensor.latency=0.03432"
+
+
+@lru_cache(maxsize=32)
+def fly(name: str, *settings: str) -> tuple[ClosedLoop, dict]:
+    config = scenario.load(name, settings)
+    loop, rows, metrics = ClosedLoop(config), Rows(config), Metrics(config)
+    while (r := loop.tick()) is not None:
+        metrics.add(rows.row(r.k, r.q, r.qd, r.deflections[:2], r.tip[1:3], r.torque))
+    return loop, metrics.result()
+
+
+def test_the_planning_laws_are_laws() -> None:
+    assert set(PLANNING) < set(LAWS)
+
+
+@pytest.mark.parametrize("law", PLANNING)
+def test_the_nominal_tip_keeps_to_the_smooth_side(law: str) -> None:
+    loop, found = fly(f"{law}_smooth", *SIDE)
+    assert loop.unstable is None
+    assert found["tip_rms_error"] < 0.005
+    assert found["tip_max_error"] < 0.010
+    assert found["max_torque"] <= 80.0
+
+
+@pytest.mark.parametrize("change", [SOFT, STIFF, LATE])
+def test_lqg_bears_one_parameter_off(change: str) -> None:
+    loop, found = fly("lqg_smooth", *SIDE, change)
+    assert loop.unstable is None
+    assert found["tip_rms_error"] < 0.020
+    assert found["max_torque"] <= 80.0
+
+
+def test_adaptive_learns_what_is_off() -> None:
+    loop, found = fly("adaptive_smooth", *SIDE, SOFT, HEAVY, LATE)
+    assert loop.unstable is None
+    assert found["tip_rms_error"] < 0.020
+    assert isinstance(loop.law, AdaptiveLaw)
+    rigidity, density, latency, _, _ = loop.law.unknowns
+    assert rigidity == pytest.approx(np.log(0.9), abs=0.02)
+    assert density == pytest.approx(np.log(1.1), abs=0.02)
+    assert latency == pytest.approx(0.00312, abs=0.0005)
+
+
+@pytest.mark.parametrize("law", PLANNING)
+def test_the_nominal_tip_follows_at_constant_speed(law: str) -> None:
+    """Through the first corner; the start from rest dominates, so the whole run's rms is lower."""
+    loop, found = fly(f"{law}_constant", "duration=5.5")
+    assert loop.unstable is None
+    assert found["tip_overshoot"][0] < 0.05
+    assert found["max_torque"] <= 150.0
+
+
+@pytest.mark.parametrize("law", ["lqg", "adaptive"])
+def test_a_torque_limit_below_the_need_is_kept_and_forgotten(law: str) -> None:
+    """At rest again after a limit that the heavier arm asks more of: nothing has wound up."""
+    hold = (
+        "trajectory.kind=waypoints", "trajectory.waypoint_times=[0.0, 4.0]",
+        "trajectory.waypoint_x=[-6.3, -6.3]", "trajectory.waypoint_y=[-6.3, 0.0]",
+        "controller.torque_limit=30.0", "controller.plan.torque_share=1.0", "duration=9.0",
+        "plant.mass_density=[0.3685, 0.3685]",
+    )  # fmt: skip
+    config = scenario.load(f"{law}_smooth", hold)
+    loop, rows, largest = ClosedLoop(config), Rows(config), 0.0
+    row: tuple[float, ...] = ()
+    while (r := loop.tick()) is not None:
+        row = rows.row(r.k, r.q, r.qd, r.deflections[:2], r.tip[1:3], r.torque)
+        largest = max(largest, abs(r.torque[0]), abs(r.torque[1]))
+    assert largest == 30.0
+    assert np.hypot(row[9] - row[15], row[10] - row[16]) < 0.05
+
+
+def test_the_design_is_the_same_every_time() -> None:
+    config = scenario.load("lqg_smooth", ["duration=0.5"])
+    first = motion.plan_for(config)
+    motion._plan.cache_clear()
+    again = motion.plan_for(config)
+    assert first is not again
+    assert np.array_equal(first.dense, again.dense)
+
+
+def test_the_plant_may_differ_from_the_model_at_no_cost() -> None:
+    """One plan serves every plant: it depends on what the controller believes."""
+    config = scenario.load("lqg_smooth", ["duration=0.5"])
+    other = scenario.load("lqg_smooth", ["duration=0.5", SOFT, LATE, "seed=7"])
+    assert motion.plan_for(config) is motion.plan_for(other)
+    assert make_law(config)._design is make_law(other)._design
+
+
+def test_too_long_a_motion_is_named() -> None:
+    config = scenario.load("lqg_smooth")
+    long = replace(config, run=replace(config.run, duration=300.0))
+    with pytest.raises(ValueError, match=r"^/\*\*\.duration: 300\.0 s, law lqg"):
+        check(long)
