@@ -16,6 +16,7 @@ from flexarm_ros.bag import outputs
 from flexarm_ros.bag.compare import compare
 from flexarm_ros.bag.errors import BagError, BagExistsError
 from flexarm_ros.bag.export import NO_PYARROW, export
+from flexarm_ros.bag.frontmatter import bag_config
 from flexarm_ros.bag.outputs import unfinished_summary, write_summary
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
@@ -213,6 +214,21 @@ def test_export_of_a_bag_with_gaps(tmp_path: Path) -> None:
     ticks = columns(tmp_path / "out" / "plant_state.csv")["tick"]
     assert 160 not in ticks
     assert ticks[100] == 150
+
+
+@pytest.mark.parametrize("name", ["fls_mid_corrected", "open_loop"])
+def test_a_bag_alone_is_enough_to_fly_it_again(name: str, tmp_path: Path) -> None:
+    first, again = tmp_path / "first", tmp_path / "again"
+    words = ["simulate", name, "--set", "duration=0.2", "--set", "seed=3", "--no-pictures"]
+    assert main([*words, "--out", str(first)]) == 0
+    (first / "bag").rename(tmp_path / "bag")
+    assert main(["export", str(tmp_path / "bag"), "--out", str(tmp_path / "tables")]) == 0
+    file = str(tmp_path / "tables" / "scenario.yaml")
+    assert main(["simulate", file, "--no-pictures", "--out", str(again)]) == 0
+    assert (again / "trajectory.csv").read_bytes() == (first / "trajectory.csv").read_bytes()
+    was, now = BagReader(tmp_path / "bag"), BagReader(again)
+    assert list(now.messages()) == list(was.messages())
+    assert bag_config(now.config) == bag_config(was.config)
 
 
 def test_export_of_a_damaged_bag_says_so(

@@ -116,6 +116,7 @@ def test_a_bad_node_is_refused(command: str, given: str, words: str, tmp_path: P
     assert not out.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.nodes
 def test_run_starts_and_ends_the_users_node(tmp_path: Path) -> None:
     command = f"{sys.executable} examples/minimal_controller.py"

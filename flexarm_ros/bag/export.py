@@ -1,4 +1,4 @@
-"""A bag as CSV or Parquet files: one table a topic, and the trajectory."""
+"""A bag as files: a table a topic, the trajectory (CSV or Parquet), the scenario to fly again."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.files import make_directory
+from flexarm_ros.bag.files import make_directory, write_atomically
+from flexarm_ros.bag.frontmatter import SCENARIO_FILE, TORQUES_FILE, bag_config
 from flexarm_ros.bag.outputs import block_rows
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.tables import Batch, batches
@@ -48,7 +50,8 @@ def export(
 
     Each topic has a file with the columns tick, stamp_ns (the message's own
     stamp) and its fields; ``trajectory`` has the columns of ``trajectory.csv``
-    for the ticks that the bag has in one piece from the start.  A damaged bag
+    for the ticks that the bag has in one piece from the start.  ``scenario.yaml``
+    (with ``torques.csv`` where there are such) flies it again.  A damaged bag
     is exported as far as it goes.  Raises BagError, BagExistsError where
     ``directory`` exists; nothing is left then of what was written.
     """
@@ -57,6 +60,7 @@ def export(
         _pyarrow()
     make_directory(target)
     try:
+        _write_scenario(reader, target)
         rows = _write(reader, target, file_format)
     except (BagError, OSError) as error:
         shutil.rmtree(target, ignore_errors=True)
@@ -64,6 +68,13 @@ def export(
             raise BagError(f"{target}: cannot be written: {error.strerror}") from None
         raise
     return Exported(rows, str(reader.damage or ""))
+
+
+def _write_scenario(reader: BagReader, target: Path) -> None:
+    write_atomically(target / SCENARIO_FILE, scenario.dump(bag_config(reader.config)))
+    if reader.config.torques:
+        text = scenario.write_torques(reader.config.torques)
+        write_atomically(target / TORQUES_FILE, text)
 
 
 def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:

@@ -13,7 +13,8 @@ def add_parser(subparsers: Any) -> None:
         "export",
         help="a bag's messages as CSV or Parquet",
         description="Write one table for each topic of BAG (a run's directory, the bag in it or "
-        "the .mcap file), and its trajectory, into the new directory DIR. Parquet needs pyarrow.",
+        "the .mcap file), its trajectory, and scenario.yaml to fly it again, into the new "
+        "directory DIR. Parquet needs pyarrow.",
         epilog="Exit status: 0 exported; 1 not possible, or the bag is damaged and was exported "
         "as far as it goes; 2 bad usage.",
     )
@@ -29,6 +30,7 @@ def run(args: argparse.Namespace) -> int:
     exported = export(args.bag, args.out, args.format)
     for name, rows in exported.rows.items():
         print(f"{rows:9} rows  {args.out}/{name}")
+    print(f"     scenario  {args.out}/scenario.yaml")
     if exported.damage:
         print(f"flexarm export: only in part: {exported.damage}", file=sys.stderr)
         return 1
