@@ -1,6 +1,6 @@
 # `make run` flies the paper's square, `make test` passes the tests; both build .venv first.
 .DEFAULT_GOAL := help
-.PHONY: help env run test test-all lint types paper bench validate soak lock clean docs
+.PHONY: help env run test test-all lint types paper studies bench validate soak lock clean docs
 
 BIN := .venv/bin
 PYTEST_ARGS ?=
@@ -11,6 +11,7 @@ help:
 	@echo 'make test      format, lint, types and tests'
 	@echo 'make test-all  the same with the slow tests'
 	@echo 'make paper     the paper'\''s ten cases, and its claims one by one'
+	@echo 'make studies   the tables and pictures of docs/paper.md, stability.md and fls.md, an hour'
 	@echo 'make bench     speed of the loop and of the nodes'
 	@echo 'make validate  the models against theory and reference solutions'
 	@echo 'make soak      runs back to back for SOAK_MINUTES (30), watched for growth'
@@ -39,6 +40,10 @@ test-all: lint types
 
 paper: env
 	@$(BIN)/flexarm suite config/paper.yaml
+
+studies: env
+	@$(BIN)/python -m validation.paper_claims
+	@$(BIN)/python -m validation.stability_map
 
 bench: env
 	@$(BIN)/python -m bench

@@ -58,6 +58,9 @@ def compute(name: str) -> Callable[[dict[str, str]], Row]:
         "speed": lambda r: stability_map.speed_row(
             (r["law"], float(r["location_m"]), float(r["side_time_s"]))
         ),
+        "model": lambda r: stability_map.model_row(
+            (r["law"], r["model"], int(r["modes"]), float(r["damping_ratio"]))
+        ),
         "growth": lambda r: stability_map.growth_row(
             (r["law"], r["velocity_source"], float(r["location_m"]))
         ),
@@ -67,7 +70,7 @@ def compute(name: str) -> Callable[[dict[str, str]], Row]:
 
 
 TABLES = dict.fromkeys(SWEEPS, 40) | {
-    "boundary": 12, "hub_boundary": 12, "speed": 9, "growth": 12, "fls": 20,
+    "boundary": 12, "hub_boundary": 12, "speed": 9, "model": 12, "growth": 12, "fls": 20,
 }  # fmt: skip
 """Tables that can be checked, and of how many rows one is made anew.
 

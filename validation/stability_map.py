@@ -2,7 +2,7 @@
 
     python -m validation.stability_map              # everything: some 20 minutes on two cores
     python -m validation.stability_map sweeps       # or one part of it:
-    python -m validation.stability_map boundary hub speed gain growth fls
+    python -m validation.stability_map boundary hub speed model gain growth fls
     python -m validation.stability_map pictures pages     # from the tables in docs/data
 
 Whether a table is still what the code makes: validation/stability_check.py.
@@ -194,6 +194,25 @@ def speeds() -> None:
     write("stability_speed", spread(speed_row, tasks))
 
 
+def model_row(task: tuple[str, str, int, float]) -> Row:
+    """Return the linear boundaries of one law with one model of the arm, sensor at the tip."""
+    law, model, modes, damping = task
+    config = tip_config(law, model=model, modes=modes, damping_ratio=damping)
+    linear = boundary.linear_boundary(config, count=3, limit_s=0.02)
+    return {
+        "law": law, "model": model, "modes": modes, "damping_ratio": damping,
+        "linear_least_ms": milliseconds(linear.least),
+        "linear_most_ms": milliseconds(linear.most), "worst_theta2": linear.worst.theta2,
+    }  # fmt: skip
+
+
+def models() -> None:
+    """Boundaries with more modes, and with the full model."""
+    kinds = [("eq14", n, 0.0) for n in (1, 2, 3, 4)] + [("full", n, 0.0) for n in (1, 2, 3)]
+    kinds += [("eq14", 1, 0.01), ("full", 3, 0.001), ("full", 3, 0.01)]
+    write("stability_model", spread(model_row, [(law, *kind) for law in LAWS for kind in kinds]))
+
+
 PLACES = ("encoder", "tip, no latency", "tip, 1.238 ms", "6.75 m, 0.9289 ms", "tip, 31.2 ms")
 LATENCY = {"encoder": 0.0, "tip, no latency": 0.0, "tip, 1.238 ms": 0.001238,
            "6.75 m, 0.9289 ms": 0.0009289, "tip, 31.2 ms": 0.0312}  # fmt: skip
@@ -267,8 +286,8 @@ def pages() -> None:
 
 
 PARTS: dict[str, Callable[[], None]] = {
-    "sweeps": sweeps, "boundary": locations, "hub": hubs, "speed": speeds, "gain": gains,
-    "growth": growth, "fls": fls, "pictures": pictures, "pages": pages,
+    "sweeps": sweeps, "boundary": locations, "hub": hubs, "speed": speeds, "model": models,
+    "gain": gains, "growth": growth, "fls": fls, "pictures": pictures, "pages": pages,
 }  # fmt: skip
 
 

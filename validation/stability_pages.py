@@ -195,6 +195,19 @@ def speed_lines() -> Lines:
     )
 
 
+def model_lines() -> Lines:
+    """Boundaries with more modes, the full model and damping, sensor at the tip."""
+    head = ("law", "model", "modes a link", "damping ratio", "worst pose", "best pose")
+    names = ("linear_least_ms", "linear_most_ms")
+    return table(
+        head,
+        (
+            (law(r), r["model"], r["modes"], r["damping_ratio"], *(delay(r[k]) for k in names))
+            for r in read("model")
+        ),
+    )
+
+
 def growth_lines() -> Lines:
     """Growth rates of loops that see the true point."""
     rows = [r for r in read("growth") if float(r["location_m"]) % 0.75 == 0.0]
@@ -214,6 +227,6 @@ def write(page: Path = PAGE) -> Path:
     put(page, {
         "boundary": boundary_lines(), "outcome": outcome_lines(), "effect": effect_lines(),
         "correction": correction_lines(), "hub": hub_lines(), "agreement": agreement_lines(),
-        "speed": speed_lines(), "growth": growth_lines(),
+        "speed": speed_lines(), "model": model_lines(), "growth": growth_lines(),
     })  # fmt: skip
     return page
