@@ -59,6 +59,9 @@ DOCS = ["furo", "latex2mathml", "myst-parser", "sphinx"]
 # What `import flexarm_ros` can hand its results to.
 NOTEBOOK = ["control", "gymnasium", "pandas", "xarray"]
 
+# The live view: the WebSocket server that Foxglove and Lichtblick connect to.
+VIEW = ["foxglove-sdk"]
+
 EXTRAS = {
     # rclpy and the messages as wheels, for a machine without a ROS 2 install.
     "ros": ["ros-rclpy[fastrtps]>=7.1", "ros-common-interfaces"],
@@ -71,8 +74,11 @@ EXTRAS = {
         "pytest",
         "ruff",
         "types-PyYAML",
+        *VIEW,
+        "websockets",  # a browser's side of the live view, in tests
     ],
     "docs": DOCS,
+    "view": VIEW,
     "notebook": NOTEBOOK,
     "pandas": ["pandas"],
     "xarray": ["xarray"],

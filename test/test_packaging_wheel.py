@@ -19,7 +19,16 @@ from packaging.utils import canonicalize_name
 from test_layers import ROS, imports, modules
 
 ROOT = Path(__file__).resolve().parent.parent
-EXECUTABLES = {"plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder", "player"}
+EXECUTABLES = {
+    "plant",
+    "encoder",
+    "tip_sensor",
+    "trajectory",
+    "controller",
+    "recorder",
+    "player",
+    "viewer",
+}
 SOURCES = ["flexarm_ros", "config", "launch", "lib", "resource"]
 FILES = ["setup.py", "setup.cfg", "pyproject.toml", "package.xml", "LICENSE", "README.md"]
 

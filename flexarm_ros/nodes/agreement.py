@@ -45,6 +45,23 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
     return _checked(replace(own, **merged))
 
 
+def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
+    """Return the scenario that the nodes tell, for somebody who has none; ``own`` fills gaps.
+
+    ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
+    travel in no status: the law then counts as one without lambda.
+    """
+    try:
+        common = _section(RunParameters, json.loads(told["plant"][1])["run"])
+        law = json.loads(told["controller"][1]) if "controller" in told else {}
+        if law and law["controller"]["law"] == "open_loop":
+            law["controller"].update(law="pd", torque_file=None)
+            told = {**told, "controller": (told["controller"][0], json.dumps(law))}
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        raise Disagreement("what the nodes tell is no scenario") from None
+    return merge_sections(replace(own, run=common), told)
+
+
 def _checked(config: RunConfig) -> RunConfig:
     """Return ``config`` read anew, key by key: types, ranges and the scenario as a whole."""
     try:

@@ -9,6 +9,7 @@ What the command line sets with ``-p`` then overrides its own section.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Mapping as Map
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -116,13 +117,13 @@ def _overrides(own: dict[str, str], node: Participant, role: str) -> Iterator[st
         yield f"{section}.{key}={value}"
 
 
-def declare_own(node: Participant, argv: list[str]) -> None:
-    """Declare what only this node has, and no scenario: see ``OWN_PARAMETERS``.
+def declare_own(node: Node, role: str, parameters: Map[str, Own], argv: list[str]) -> None:
+    """Declare what only this node has, and no scenario.
 
     Raises ScenarioError where the command line gives one that is not allowed.
     """
     given = dict(assignments(argv, node.get_name()))
-    for key, own in node.OWN_PARAMETERS.items():
+    for key, own in parameters.items():
         descriptor = ParameterDescriptor(
             description=own.doc + (f" [{own.unit}]" if own.unit else ""), read_only=not own.live
         )
@@ -133,7 +134,7 @@ def declare_own(node: Participant, argv: list[str]) -> None:
         elif isinstance(own.default, int):
             low, high = int(own.low), int(own.high)
             descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
-        value = own.read(f"{node.ROLE}.{key}", given[key]) if key in given else own.default
+        value = own.read(f"{role}.{key}", given[key]) if key in given else own.default
         node.declare_parameter(key, value, descriptor, ignore_override=True)
 
 

@@ -50,7 +50,7 @@ class Participant(Node):
         super().__init__(self.ROLE, **options)
         self.supervisor = supervisor
         self.config = declare_and_load(self, self.ROLE, argv)
-        declare_own(self, argv)
+        declare_own(self, self.ROLE, self.OWN_PARAMETERS, argv)
         self.board = Board(self, self.ROLE)
         self.failure: RunFailed | None = None
         self.failed_run = False

@@ -41,8 +41,12 @@ def run_process(name: str, argv: list[str]) -> int:
         from flexarm_ros.nodes.player import play
 
         return play(argv)
+    if name == "viewer":
+        from flexarm_ros.nodes.viewer import view
+
+        return view(argv)
     if name not in CLASSES and name != COMPOSE:
-        print(f"no node {name}: {', '.join([*CLASSES, 'player'])}", file=sys.stderr)
+        print(f"no node {name}: {', '.join([*CLASSES, 'player', 'viewer'])}", file=sys.stderr)
         return 2
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     try:

@@ -1,0 +1,32 @@
+"""The bent arm as a line of points, for pictures of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.kinematics import make_point
+from flexarm_ros.core.parameters import PlantParameters
+
+
+class ArmLine:
+    """Points of both links at equal distances, the shoulder first, the tip last.
+
+    ``per_link`` points a link beside its start; the elbow is number ``per_link``.
+    """
+
+    def __init__(self, plant: PlantParameters, per_link: int = 12) -> None:
+        first, second = plant.length
+        steps = np.arange(1, per_link + 1) / per_link
+        # The last of each link is exactly its end, where `trajectory.csv` has elbow and tip.
+        along = [*(first * steps[:-1]), first, *(first + second * steps[:-1]), first + second]
+        self.elbow = per_link
+        self._points = [make_point(plant, float(at), elastic=True) for at in along]
+
+    def at(self, q: FloatArray, qd: FloatArray) -> list[tuple[float, float]]:
+        """Return x, y (m, ``base``) of each point, given the plant's coordinates ``(n,)``."""
+        found = [(0.0, 0.0)]
+        for point in self._points:
+            x, y, _, _ = point(q, qd)
+            found.append((x, y))
+        return found

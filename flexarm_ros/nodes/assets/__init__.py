@@ -1,0 +1,1 @@
+"""Layouts for the programs that show a run live."""

@@ -1,0 +1,72 @@
+"""The rigid skeleton: a URDF, and where its frames are for given joint angles.
+
+The joints have the names that ``joint_states`` uses, so that
+robot_state_publisher moves the skeleton too.  Frames: ``base`` at the
+shoulder, ``link1`` turned by theta1, ``link2`` at the rigid elbow, ``tool`` at
+the rigid tip.  The bend is in the markers, not here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from flexarm_ros.bag.topics import BASE_FRAME, JOINTS
+from flexarm_ros.core.parameters import RunConfig
+
+LINK1, LINK2, TOOL = "link1", "link2", "tool"
+_WIDTH = 0.08
+
+
+class Transform(NamedTuple):
+    """A frame ``child`` in ``parent``: moved along x (m), then turned about z (rad)."""
+
+    parent: str
+    child: str
+    x: float
+    angle: float
+
+
+def transforms(config: RunConfig, theta1: float, theta2: float) -> tuple[Transform, ...]:
+    """Return the frames of the rigid skeleton."""
+    first, second = config.plant.length
+    return (
+        Transform(BASE_FRAME, LINK1, 0.0, theta1),
+        Transform(LINK1, LINK2, first, theta2),
+        Transform(LINK2, TOOL, second, 0.0),
+    )
+
+
+def urdf(config: RunConfig) -> str:
+    """Return the skeleton as URDF."""
+    first, second = config.plant.length
+    return "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            '<robot name="flexarm">',
+            f'  <link name="{BASE_FRAME}"/>',
+            _link(LINK1, first, "0.55 0.65 0.75"),
+            _link(LINK2, second, "0.75 0.65 0.55"),
+            f'  <link name="{TOOL}"/>',
+            _joint(JOINTS[0], "continuous", BASE_FRAME, LINK1, 0.0),
+            _joint(JOINTS[1], "continuous", LINK1, LINK2, first),
+            _joint("tool_fixed", "fixed", LINK2, TOOL, second),
+            "</robot>",
+            "",
+        ]
+    )
+
+
+def _link(name: str, length: float, color: str) -> str:
+    return (
+        f'  <link name="{name}"><visual><origin xyz="{length / 2.0!r} 0 0"/>'
+        f'<geometry><box size="{length!r} {_WIDTH} {_WIDTH}"/></geometry>'
+        f'<material name="{name}"><color rgba="{color} 0.5"/></material></visual></link>'
+    )
+
+
+def _joint(name: str, kind: str, parent: str, child: str, x: float) -> str:
+    axis = '<axis xyz="0 0 1"/>' if kind == "continuous" else ""
+    return (
+        f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{x!r} 0 0"/>{axis}</joint>'
+    )

@@ -1,0 +1,136 @@
+"""A live view for Foxglove and Lichtblick: the WebSocket server of foxglove-sdk.
+
+The package is an optional extra (``pip install 'flexarm_ros[view]'``) and is
+imported only here.  ``assets/flexarm.foxglove.json`` is the layout.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from importlib import import_module
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.bag.topics import BASE_FRAME
+from flexarm_ros.nodes.skeleton import transforms
+from flexarm_ros.nodes.view_ros import BLUE, GREEN, GREY, ORANGE, PINK
+from flexarm_ros.nodes.view_scene import Frame, Point, Scene
+
+SCENE, FRAMES, NUMBERS = "/arm/scene", "/arm/frames", "/arm"
+_MISSING = "foxglove-sdk is not installed: pip install 'flexarm_ros[view]'"
+
+
+class ViewError(Exception):
+    """The view cannot be had; one line."""
+
+
+def layout() -> Path:
+    """Return the layout file to import in Foxglove or Lichtblick."""
+    return Path(str(files("flexarm_ros.nodes") / "assets" / "flexarm.foxglove.json"))
+
+
+class FoxgloveView:
+    """Shows frames to whoever connects to ``ws://HOST:PORT``.
+
+    ``port`` 0 takes a free one.  Raises ViewError where foxglove-sdk is not
+    installed or the port is taken.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            self._sdk = import_module("foxglove")
+            self._messages = import_module("foxglove.messages")
+            channels = import_module("foxglove.channels")
+        except ImportError:
+            raise ViewError(_MISSING) from None
+        self._sdk.set_log_level("ERROR")
+        # Kept: channels of a context that is gone reach nobody.
+        context = self._context = self._sdk.Context()
+        self._scene = channels.SceneUpdateChannel(SCENE, context=context)
+        self._frames = channels.FrameTransformsChannel(FRAMES, context=context)
+        self._numbers = self._sdk.Channel(NUMBERS, schema=_schema(), context=context)
+        try:
+            self._server = self._sdk.start_server(
+                name="flexarm_ros", host=host, port=port, context=context,
+                capabilities=[self._sdk.Capability.Time],
+            )  # fmt: skip
+        except Exception as error:
+            raise ViewError(f"port {port} on {host}: {error}") from None
+        self.port: int = self._server.port
+
+    def show(self, frame: Frame, scene: Scene) -> None:
+        """Send one frame, stamped with simulated time."""
+        sdk, stamp = self._messages, frame.stamp_ns
+        time = sdk.Timestamp(*divmod(stamp, 10**9))
+        self._server.broadcast_time(stamp)
+        self._frames.log(
+            sdk.FrameTransforms(transforms=[
+                sdk.FrameTransform(
+                    timestamp=time, parent_frame_id=parent, child_frame_id=child,
+                    translation=sdk.Vector3(x=x, y=0.0, z=0.0),
+                    rotation=sdk.Quaternion(
+                        x=0.0, y=0.0, z=math.sin(0.5 * angle), w=math.cos(0.5 * angle)
+                    ),
+                )
+                for parent, child, x, angle in transforms(scene.config, *frame.angles)
+            ]),
+            log_time=stamp,
+        )  # fmt: skip
+        entity = sdk.SceneEntity(
+            timestamp=time, frame_id=BASE_FRAME, id="arm",
+            lines=list(self._lines(frame, scene)), spheres=list(self._spheres(frame)),
+        )  # fmt: skip
+        self._scene.log(sdk.SceneUpdate(entities=[entity]), log_time=stamp)
+        self._numbers.log(frame.numbers(), log_time=stamp)
+
+    def _lines(self, frame: Frame, scene: Scene) -> Iterable[Any]:
+        first, second = frame.line[: frame.elbow + 1], frame.line[frame.elbow :]
+        for points, thickness, color in (
+            (first, 0.08, BLUE), (second, 0.08, ORANGE), (scene.path, 0.03, PINK),
+            (scene.trail, 0.03, ORANGE),
+        ):  # fmt: skip
+            yield self._messages.LinePrimitive(
+                thickness=thickness, color=self._color(color),
+                points=[self._messages.Point3(x=x, y=y, z=0.0) for x, y in points],
+            )  # fmt: skip
+
+    def _spheres(self, frame: Frame) -> Iterable[Any]:
+        spots: tuple[tuple[Point, float, tuple[float, float, float]], ...] = (
+            (frame.line[0], 0.2, GREY), (frame.line[frame.elbow], 0.2, GREY),
+            (frame.tip, 0.2, ORANGE), (frame.sensed, 0.15, GREEN), (frame.reference, 0.15, PINK),
+        )  # fmt: skip
+        sdk = self._messages
+        for (x, y), size, color in spots:
+            if math.isfinite(x):
+                yield sdk.SpherePrimitive(
+                    pose=sdk.Pose(
+                        position=sdk.Vector3(x=x, y=y, z=0.0),
+                        orientation=sdk.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+                    ),
+                    size=sdk.Vector3(x=size, y=size, z=size), color=self._color(color),
+                )  # fmt: skip
+
+    def _color(self, rgb: tuple[float, float, float]) -> Any:
+        return self._messages.Color(r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.stop()
+
+
+def _schema() -> dict[str, Any]:
+    """Return the JSON schema of the numbers."""
+    empty = Frame(
+        0, ((0.0, 0.0),), 0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0
+    )
+    keys = {key: {"type": ["number", "null"]} for key in empty.numbers()}
+    return {"title": "flexarm_ros.Numbers", "type": "object", "properties": keys}
+
+
+def shown_paths() -> list[str]:
+    """Return the message paths that the layout plots, for the test that they exist."""
+    panels = json.loads(layout().read_text(encoding="utf-8"))["configById"]
+    return [path["value"] for panel in panels.values() for path in panel.get("paths", [])]

@@ -1,0 +1,119 @@
+"""What a live view shows of a run at one instant, apart from how it is drawn."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm_ros.bag import changes
+from flexarm_ros.bag.topics import COMMAND, REFERENCE, STATE, TIP, Topic, per_tick_topics
+from flexarm_ros.core.arm_line import ArmLine
+from flexarm_ros.core.control import gain_of
+from flexarm_ros.core.parameters import RunConfig, changed
+from flexarm_ros.core.timeline import Timeline
+
+Point = tuple[float, float]
+SHOWN = (STATE, TIP, REFERENCE, COMMAND)
+"""Topics that a view listens to."""
+
+_NONE: Point = (math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The arm at ``stamp_ns``: m, rad, N m, in frame ``base``.
+
+    ``line`` runs along the bent links, the shoulder first, entry ``elbow`` the
+    elbow, the last the tip.  ``sensed`` and ``reference`` are the newest there
+    are; nan where none has come.  ``gain`` is lambda, nan where the law has none.
+    """
+
+    stamp_ns: int
+    line: tuple[Point, ...]
+    elbow: int
+    angles: Point
+    deflections: Point
+    sensed: Point
+    reference: Point
+    torque: Point
+    gain: float
+
+    @property
+    def tip(self) -> Point:
+        """The bent arm's tip."""
+        return self.line[-1]
+
+    def numbers(self) -> dict[str, float | None]:
+        """Return what is plotted, by name; None where there is no number."""
+        error = math.dist(self.tip, self.reference)
+        named = {
+            "theta1": self.angles[0], "theta2": self.angles[1],
+            "delta1": self.deflections[0], "delta2": self.deflections[1],
+            "tip_x": self.tip[0], "tip_y": self.tip[1],
+            "reference_x": self.reference[0], "reference_y": self.reference[1],
+            "tip_error": error, "tau1": self.torque[0], "tau2": self.torque[1],
+            "lambda": self.gain,
+        }  # fmt: skip
+        return {key: value if math.isfinite(value) else None for key, value in named.items()}
+
+
+class Scene:
+    """Makes frames from the newest message of each topic, and keeps the tip's trail."""
+
+    def __init__(self, config: RunConfig, trail: int = 600) -> None:
+        self.config = self._initial = config
+        self.topics: dict[int, Topic] = {i: per_tick_topics(config)[i] for i in SHOWN}
+        self._line = ArmLine(config.plant)
+        self._size = 2 + 2 * config.plant.modes
+        # Once now: what is not compiled yet must not hold up the first frame.
+        self._line.at(np.zeros(self._size), np.zeros(self._size))
+        gain_of(config, 0.0, 0.0)
+        self._latest: dict[int, tuple[float, ...]] = {}
+        self._stamp_ns = 0
+        self.trail: deque[Point] = deque(maxlen=trail)
+        self.path: deque[Point] = deque(maxlen=trail)
+
+    def take(self, topic: int, data: bytes) -> None:
+        """Take a serialized message; one of another layout is passed over."""
+        try:
+            stamp, values = self.topics[topic].codec.decode_any(data)
+        except ValueError:
+            return
+        if topic == STATE:
+            if stamp < self._stamp_ns:  # the run has started again
+                self.trail.clear()
+                self.path.clear()
+                self.config = self._initial
+            self._stamp_ns = stamp
+        self._latest[topic] = values
+
+    def change(self, data: bytes) -> None:
+        """Take a parameter that changes while the run goes on: lambda depends on kn."""
+        try:
+            period_ns = Timeline.of(self.config.run).period_ns
+            self.config = changed(self.config, changes.decode(data, period_ns))
+        except ValueError:
+            return
+
+    def frame(self) -> Frame | None:
+        """Return the arm as it is now; None before its first state or where that is not finite."""
+        state, n = self._latest.get(STATE), self._size
+        if state is None or not np.isfinite(state).all():
+            return None
+        line = self._line.at(np.array(state[:n]), np.array(state[n + 2 : 2 * n + 2]))
+        reference = self._pair(REFERENCE)
+        ends = (state[n], state[n + 1])
+        self.trail.append(line[-1])
+        if math.isfinite(reference[0]):
+            self.path.append(reference)
+        return Frame(
+            self._stamp_ns, tuple(line), self._line.elbow, (state[0], state[1]), ends,
+            self._pair(TIP), reference, self._pair(COMMAND), gain_of(self.config, *ends),
+        )  # fmt: skip
+
+    def _pair(self, topic: int) -> Point:
+        values = self._latest.get(topic)
+        return (values[0], values[1]) if values is not None else _NONE

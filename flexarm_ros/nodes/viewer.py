@@ -1,0 +1,176 @@
+"""Node ``viewer``: shows a run while it goes on, to Foxglove, Lichtblick and RViz.
+
+It is no participant: nobody waits for it.  It reads with best effort and a
+queue of one, takes the newest messages ``rate`` times a second of wall time,
+and sleeps in between.  Which arm it is, it hears from ``lockstep/status``, or
+it is told by ``--params-file`` (a replay has no participants).
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+
+from flexarm_ros import scenario
+from flexarm_ros.bag import changes
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.nodes import status
+from flexarm_ros.nodes.agreement import Disagreement, told_config
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.graph import message_class
+from flexarm_ros.nodes.parameters import OF_ROS, Own, assignments, declare_own, parameter_files
+from flexarm_ros.nodes.view_foxglove import FoxgloveView, ViewError
+from flexarm_ros.nodes.view_ros import RosView
+from flexarm_ros.nodes.view_scene import Scene
+
+_NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LATCHED = QoSProfile(
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+PARAMETERS = {
+    "rate": Own(30.0, "frames a second of wall time at most", "Hz", low=0.1, high=1000.0),
+    "host": Own("127.0.0.1", "address that the WebSocket server listens on"),
+    "port": Own(8765, "port of the WebSocket server; 0: a free one; -1: none", low=-1, high=65535),
+    "trail": Own(600, "frames of the tip's trail that are shown", low=2, high=100000),
+}
+
+
+class ViewerNode(Node):
+    """Listens to a run and shows it; `step` does one frame."""
+
+    def __init__(self, argv: list[str]) -> None:
+        super().__init__("viewer")
+        for name, _ in assignments(argv, self.get_name()):
+            if name not in PARAMETERS and not name.startswith(OF_ROS):
+                raise scenario.ScenarioError(
+                    f"unknown parameter '{name}' (allowed: {', '.join(PARAMETERS)})"
+                )
+        declare_own(self, "viewer", PARAMETERS, argv)
+        self.stopping = threading.Event()
+        self._told: dict[str, status.Status] = {}
+        self._status = self.create_subscription(
+            DiagnosticStatus, status.TOPIC, lambda _: None, _LATCHED, callback_group=HOT,
+            qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self._changes = self.create_subscription(
+            ParameterEvent, changes.TOPIC, lambda _: None, _LATCHED, callback_group=HOT, raw=True,
+            qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self._given = scenario.load(parameter_files(argv), [])
+        self.foxglove = self._server()
+        self._ros = RosView(self)
+        self._readers: dict[int, Any] = {}
+        self._listen(self._given)
+        self._shown_ns = -1
+
+    def _server(self) -> FoxgloveView | None:
+        port = int(self.get_parameter("port").value)
+        if port < 0:
+            return None
+        return FoxgloveView(str(self.get_parameter("host").value), port)
+
+    def _listen(self, config: RunConfig) -> None:
+        """Show the arm of ``config`` from now on."""
+        self.scene = Scene(config, int(self.get_parameter("trail").value))
+        self._ros.describe(config)
+        for index, topic in self.scene.topics.items():
+            if index not in self._readers:
+                self._readers[index] = self.create_subscription(
+                    message_class(topic.type_name), topic.name, lambda _: None, _NEWEST,
+                    callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
+                )  # fmt: skip
+
+    def step(self) -> bool:
+        """Take what is new and show it; True where there was anything to show."""
+        self._hear()
+        for index, subscription in self._readers.items():
+            while taken := subscription.handle.take_message(subscription.msg_type, True):
+                self.scene.take(index, taken[0])
+        while taken := self._changes.handle.take_message(ParameterEvent, True):
+            self.scene.change(bytes(taken[0]))
+        frame = self.scene.frame()
+        if frame is None or frame.stamp_ns == self._shown_ns:
+            return False
+        self._shown_ns = frame.stamp_ns
+        self._ros.show(frame, self.scene)
+        if self.foxglove is not None:
+            self.foxglove.show(frame, self.scene)
+        return True
+
+    def _hear(self) -> None:
+        """Take the participants' statuses; a new run brings its own arm."""
+        news = False
+        while (taken := self._status.handle.take_message(DiagnosticStatus, False)) is not None:
+            heard = status.Status.from_message(taken[0])
+            if heard is None or heard.phase is status.Phase.REFUSED:
+                continue
+            before = self._told.get(heard.role)
+            if before is None or heard.identity > before.identity:
+                self._told[heard.role] = heard
+                news = True
+        if not news or "plant" not in self._told:
+            return
+        texts = {role: (s.node, s.parameters) for role, s in self._told.items() if s.parameters}
+        try:
+            config = told_config(self._given, texts)
+        except Disagreement as error:
+            self.get_logger().debug(f"no scenario yet: {error}")
+            return
+        if config != self.scene.config:
+            self._listen(config)
+
+    def run(self) -> None:
+        """Show frames until somebody sets ``stopping``."""
+        period = 1.0 / float(self.get_parameter("rate").value)
+        while not self.stopping.wait(period) and self.context.ok():
+            self.step()
+
+    def close(self) -> None:
+        """End the server."""
+        if self.foxglove is not None:
+            self.foxglove.close()
+
+
+def view(argv: list[str]) -> int:
+    """Run the viewer until a signal; 130 or 143 then, 2 where it cannot be."""
+    try:
+        rclpy.init(args=["viewer", *argv], signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rcl reports a bad command line so
+        print(f"viewer: {str(error).strip().splitlines()[0]}", file=sys.stderr)
+        return 2
+    caught = 0
+    try:
+        node = ViewerNode(argv)
+
+        def stop(number: int, _: Any) -> None:
+            nonlocal caught
+            caught = 128 + number
+            node.stopping.set()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, stop)
+        if node.foxglove is not None:
+            host = node.get_parameter("host").value
+            print(f"open ws://{host}:{node.foxglove.port} in Foxglove or Lichtblick", flush=True)
+        try:
+            node.run()
+        finally:
+            node.close()
+            node.destroy_node()
+    except (ViewError, scenario.ScenarioError) as error:
+        print(f"viewer: {error}", file=sys.stderr)
+        return 2
+    finally:
+        rclpy.try_shutdown()
+    return caught

@@ -1,0 +1,50 @@
+"""Show a run that goes on: ``ros2 launch flexarm_ros view.launch.py``.
+
+The viewer (markers, URDF, TF, WebSocket server) and RViz, both on simulated time where it matters.
+"""
+
+from importlib.resources import files
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+RVIZ = Path(str(files("flexarm_ros.nodes"))) / "assets" / "flexarm.rviz"
+ARGUMENTS = {
+    "namespace": ("", "namespace of the arm"),
+    "rviz": ("true", "whether to start RViz"),
+    "port": ("-1", "port of the WebSocket server for Foxglove and Lichtblick; -1: none"),
+    "rate": ("30.0", "frames a second at most"),
+}
+
+
+def generate_launch_description():
+    """Return the launch description."""
+    given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    viewer = Node(
+        package="flexarm_ros",
+        executable="viewer",
+        name="viewer",
+        namespace=given["namespace"],
+        ros_arguments=["-p", ["port:=", given["port"]], "-p", ["rate:=", given["rate"]]],
+        output="screen",
+    )
+    # Relative names in RViz's file would follow the namespace; it has absolute ones.
+    names = ("viewer/markers", "robot_description")
+    rviz = Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", str(RVIZ)],
+        parameters=[{"use_sim_time": True}],
+        remappings=[(f"/{name}", [given["namespace"], f"/{name}"]) for name in names],
+        condition=IfCondition(given["rviz"]),
+        output="screen",
+    )
+    arguments = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, (default, description) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, viewer, rviz])
