@@ -9,6 +9,8 @@ import pytest
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.changes import decode, encode
+from flexarm_ros.bag.compare import compare
+from flexarm_ros.bag.export import export
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.recompute import loop_messages
 from flexarm_ros.bag.recover import recover
@@ -92,6 +94,21 @@ def test_changes_survive_a_rescue(tmp_path: Path, config: RunConfig) -> None:
     assert not rescue.dropped
     assert BagReader(tmp_path / "new").config.changes == CHANGES
     assert verify(tmp_path / "new").same
+
+
+def test_changes_are_exported_and_compared(tmp_path: Path, config: RunConfig) -> None:
+    path = write_bag(tmp_path / "a", config)
+    export(path, tmp_path / "tables", "csv")
+    lines = (tmp_path / "tables" / "changes.csv").read_text().splitlines()
+    assert lines[:2] == ["tick,node,key,value", "40,controller,kp,80.0"]
+    assert len(lines) == 1 + len(CHANGES)
+    assert len((tmp_path / "tables" / "trajectory.csv").read_text().splitlines()) == 151
+    plain = write_bag(tmp_path / "b", replace(config, changes=()))
+    result = compare(path, plain)
+    assert result.parameters == ["changed on the way: 6 and 0 times, not alike"]
+    assert not result.within
+    export(plain, tmp_path / "plain", "csv")
+    assert not (tmp_path / "plain" / "changes.csv").exists()
 
 
 def test_other_readers_see_them(tmp_path: Path, config: RunConfig) -> None:

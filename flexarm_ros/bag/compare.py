@@ -202,3 +202,5 @@ def _parameters(a: RunConfig, b: RunConfig) -> Iterator[str]:
                 yield f"{section}.{key}: {value!r} and {other!r}"
     if a.torques != b.torques:
         yield "controller.torque_file: other rows"
+    if a.changes != b.changes:
+        yield f"changed on the way: {len(a.changes)} and {len(b.changes)} times, not alike"

@@ -22,6 +22,8 @@ from flexarm_ros.bag.topics import Topic
 from flexarm_ros.core.rows import COLUMNS, Rows
 
 FORMATS = ("csv", "parquet")
+CHANGES_FILE = "changes.csv"
+"""Parameters that were changed while the run went on; a scenario has no place for them."""
 NO_PYARROW = "parquet needs pyarrow, which is not installed: pip install pyarrow"
 
 
@@ -51,7 +53,8 @@ def export(
     Each topic has a file with the columns tick, stamp_ns (the message's own
     stamp) and its fields; ``trajectory`` has the columns of ``trajectory.csv``
     for the ticks that the bag has in one piece from the start.  ``scenario.yaml``
-    (with ``torques.csv`` where there are such) flies it again.  A damaged bag
+    (with ``torques.csv`` where there are such) flies it again; parameters that
+    were changed on the way are in ``changes.csv``.  A damaged bag
     is exported as far as it goes.  Raises BagError, BagExistsError where
     ``directory`` exists; nothing is left then of what was written.
     """
@@ -75,6 +78,9 @@ def _write_scenario(reader: BagReader, target: Path) -> None:
     if reader.config.torques:
         text = scenario.write_torques(reader.config.torques)
         write_atomically(target / TORQUES_FILE, text)
+    if reader.config.changes:
+        rows = [f"{c.tick},{c.node},{c.key},{c.value!r}\n" for c in reader.config.changes]
+        write_atomically(target / CHANGES_FILE, "tick,node,key,value\n" + "".join(rows))
 
 
 def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:
