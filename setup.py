@@ -6,7 +6,9 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 PACKAGE = "flexarm_ros"
-ROOT = Path(__file__).resolve().parent
+# Not resolved: `colcon build --symlink-install` links this file into a build directory, where the
+# metadata that `flexarm` is found by must be made.
+ROOT = Path(__file__).absolute().parent
 os.chdir(ROOT)
 
 

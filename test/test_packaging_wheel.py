@@ -94,7 +94,7 @@ def test_wheel_carries_what_ros_looks_for(wheel: Path) -> None:
     expected = {
         "share/ament_index/resource_index/packages/flexarm_ros",
         f"{share}/package.xml",
-        f"{share}/launch/run.launch.py",
+        *(f"{share}/launch/{name}.launch.py" for name in ("run", "view")),
         *(f"{share}/config/{path.name}" for path in (ROOT / "config").iterdir()),
         *(f"lib/flexarm_ros/{name}" for name in EXECUTABLES),
     }
