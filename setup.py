@@ -70,6 +70,7 @@ EXTRAS = {
     "dev": [
         # Another multibody code, in tests and `make validate` only; it has wheels for these alone.
         "exudyn; platform_machine == 'x86_64' and python_version < '3.14'",
+        "colcon-common-extensions",  # the tests install the package as a full ROS 2 does
         "hypothesis",
         "mypy",
         "pyarrow",  # else the tests of Parquet files are skipped
