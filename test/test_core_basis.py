@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,3 +129,15 @@ def test_composite_rule_integrates_polynomials_exactly() -> None:
     nodes, weights = composite_rule()
     for power in (0, 1, 9):
         assert np.sum(weights * nodes**power) == pytest.approx(1.0 / (power + 1), rel=1e-14)
+
+
+@pytest.mark.parametrize("hub", [0.0, 8.0])
+@pytest.mark.parametrize("count", [4, 5, 6])
+def test_arm_modes_do_not_hang_on_rounding(hub: float, count: int) -> None:
+    """Equal links, folded, have pairs of modes of one frequency: any two of their plane will do."""
+    plant = PlantParameters(modes=count, hub_inertia=(hub, hub), basis="arm_modes")
+    heavier = replace(plant, mass_density=(0.335 * (1.0 + 1e-12), 0.335))
+    for one, other in zip(arm_bases(plant), arm_bases(heavier), strict=True):
+        assert other.stiffness == pytest.approx(one.stiffness, rel=1e-9)
+        xi = np.linspace(0.0, 1.0, 11)
+        assert other.shape(xi) == pytest.approx(one.shape(xi), abs=1e-9)

@@ -12,8 +12,12 @@ With four functions or more the modes' weights, 1 / sqrt(omega) at first, are
 multiplied by r and the fit repeated, after Lawson's algorithm for fits in high
 norms: the largest errors come down at the cost of the smallest.  One mode more
 is there at a tenth of the weight, without which the last function serves
-nothing else.  With fewer than four, which cannot serve all, each mode is
-weighted by its flexibility 1 / omega^2, in favour of the lowest.
+nothing else.  Modes of one frequency (a folded arm of equal links has pairs of
+them) are whatever rounding makes of them, but their sum of squares is not: they
+get one weight, from their mean r, and all of them or none are there.
+
+With fewer than four functions, which cannot serve all, each mode is weighted by
+its flexibility 1 / omega^2, in favour of the lowest.
 """
 
 from __future__ import annotations
@@ -38,6 +42,9 @@ SERVED = 4
 
 NEXT_WEIGHT = 0.1
 """Weight of the first mode beyond these."""
+
+TWINS = 1e-3
+"""Modes whose omega^2 differ by less than this fraction are weighted as one."""
 
 _POSES = 5
 _ROUNDS = 20
@@ -66,14 +73,15 @@ def arm_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
 
 @lru_cache(maxsize=64)
 def _bases(arm: Arm) -> tuple[Basis, Basis]:
-    shapes, squares = _mode_shapes(arm)
+    shapes, squares, places, groups = _mode_shapes(arm)
     even = arm.modes >= SERVED
     start = np.sqrt(np.sqrt(1.0 / squares)) if even else 1.0 / squares
-    start[max(SERVED, arm.modes) :: max(SERVED, arm.modes) + 1] *= NEXT_WEIGHT
+    start[places >= max(SERVED, arm.modes)] *= NEXT_WEIGHT
     weights = start
     kept = [_principal(part, weights, arm.modes) for part in shapes]
     for _ in range(_ROUNDS if even else 0):
         misfit = _misfit(shapes[0], kept[0]) + _misfit(shapes[1], kept[1])
+        misfit = _means(misfit, groups)
         relative = np.maximum(misfit * (len(misfit) / _total(misfit)), 1e-3)
         # The geometric mean of the old and the new weight: the plain rule swings.
         weights = np.sqrt(weights * start * relative)
@@ -101,9 +109,22 @@ def _misfit(shapes: FloatArray, kept: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("si,si->s", rest, rest))
 
 
-def _mode_shapes(arm: Arm) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return each link's part ``(modes, FINE)`` of the arm's modes, and omega^2 ``(modes,)``.
+def _means(values: FloatArray, groups: FloatArray) -> FloatArray:
+    """Return each value's mean over those of the same group."""
+    result = np.empty_like(values)
+    for group in np.unique(groups):
+        members = groups == group
+        result[members] = _total(values[members]) / int(members.sum())
+    return result
 
+
+def _mode_shapes(
+    arm: Arm,
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray, FloatArray, FloatArray]:
+    """Return each link's part ``(modes, FINE)`` of the arm's modes, and three numbers a mode.
+
+    These are omega^2; its place among those of its pose and joint condition,
+    from 0, twins having that of the first; and a number that twins share.
     Coordinates are scaled so that the strain energy is half the sum of their
     squares; free joints, which have no stiffness, are eliminated exactly.
     """
@@ -113,16 +134,36 @@ def _mode_shapes(arm: Arm) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     served = max(SERVED, arm.modes) + 1
     rows: list[FloatArray] = []
     squares: list[float] = []
+    places: list[int] = []
+    groups: list[int] = []
     for pose in range(_POSES):
         mass = straight_mass(arm, math.pi * pose / (_POSES - 1))
         mass = mass * np.multiply.outer(inverse, inverse)
         for free in ((), (0,), (1,), (0, 1)):
             values, vectors = symmetric_eigen(_without_joints(mass, free))
-            squares.extend(1.0 / values[::-1][:served])
-            rows.extend(vectors[:, ::-1][:, :served].T)
+            found = 1.0 / values[::-1]
+            first = _first_twins(found, served, arm.modes >= SERVED)
+            squares.extend(found[: len(first)])
+            rows.extend(vectors[:, ::-1][:, : len(first)].T)
+            groups.extend(len(places) + place for place in first)
+            places.extend(first)
     shapes = np.array(rows)
     links = (np.ascontiguousarray(shapes[:, :FINE]), np.ascontiguousarray(shapes[:, FINE:]))
-    return links, np.array(squares)
+    return links, np.array(squares), np.array(places, dtype=float), np.array(groups, dtype=float)
+
+
+def _first_twins(squares: FloatArray, served: int, together: bool) -> list[int]:
+    """Return for each mode the place of its first twin: ``served`` modes, and the last one's twins.
+
+    ``together`` false: every mode by itself.
+    """
+    first = [0]
+    for place in range(1, len(squares) if together else served):
+        twin = together and squares[place] < squares[place - 1] * (1.0 + TWINS)
+        if place >= served and not twin:
+            break
+        first.append(first[-1] if twin else place)
+    return first
 
 
 def _without_joints(mass: FloatArray, free: tuple[int, ...]) -> FloatArray:
