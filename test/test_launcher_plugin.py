@@ -116,14 +116,17 @@ def test_a_bad_node_is_refused(command: str, given: str, words: str, tmp_path: P
     assert not out.exists()
 
 
-@pytest.mark.slow
 @pytest.mark.nodes
-def test_run_starts_and_ends_the_users_node(tmp_path: Path) -> None:
+@pytest.mark.parametrize("mode", [["--compose"], pytest.param([], marks=pytest.mark.slow)])
+def test_run_starts_and_ends_the_users_node(mode: list[str], tmp_path: Path) -> None:
     command = f"{sys.executable} examples/minimal_controller.py"
-    done = flexarm("run", "pd_collocated", "--set", "duration=0.2", "--no-pictures",
+    done = flexarm("run", "pd_collocated", "--set", "duration=0.2", "--no-pictures", *mode,
                    "--node", f"controller={command}", "--out", tmp_path / "run")  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert len((tmp_path / "run" / "trajectory.csv").read_text().splitlines()) == 201
+    verdict = flexarm("verify", tmp_path / "run")
+    assert verdict.returncode == 0, verdict.stdout
+    assert "not ours, taken as recorded: controller" in verdict.stdout
 
 
 def test_a_users_node_may_leave_behind_the_last_tick_only(tmp_path: Path) -> None:

@@ -264,6 +264,7 @@ def _start_foreign(
         )  # fmt: skip
 
 
-def node_command(role: str, arguments: list[str]) -> list[str]:
-    """Return the command line of a node process."""
-    return [sys.executable, "-m", "flexarm_ros.nodes", role, "--ros-args", *arguments]
+def node_command(role: str, arguments: list[str], composed: Sequence[str] = ()) -> list[str]:
+    """Return the command line of a node process, or of one that is ``composed`` of several."""
+    command = [sys.executable, "-m", "flexarm_ros.nodes", role, *composed]
+    return [*command, "--ros-args", *arguments]

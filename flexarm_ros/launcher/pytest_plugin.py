@@ -85,7 +85,7 @@ def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
 def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
     """Fly a suite: ``assert not flexarm_suite("suite.yaml").failures()``.
 
-    ``nodes`` as in `flexarm_run`: they take part in every case of mode ``run``.
+    ``nodes`` as in `flexarm_run`: they take part in every case but the simulated ones.
     """
 
     def fly(

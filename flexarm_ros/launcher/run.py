@@ -143,7 +143,7 @@ def _commands(
     roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
     if options.compose:
         every = [value for role in roles for value in own.get(role, [])]
-        return {"compose": node_command("compose", arguments + _overrides(every))}
+        return {"compose": node_command("compose", arguments + _overrides(every), roles)}
     return {role: node_command(role, arguments + _overrides(own.get(role, []))) for role in roles}
 
 

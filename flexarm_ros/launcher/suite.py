@@ -105,7 +105,7 @@ def run_suite(
 
     ``watch(case, text)`` is called from the cases' threads as they go.  ``nodes``
     has the commands of somebody else's nodes, by role: they take part in every
-    case of mode ``run``.
+    case but the simulated ones.
     """
     results: dict[str, CaseResult] = {}
     stopping = threading.Event()
@@ -173,7 +173,7 @@ def _run_case(
         summary = simulate_apart(case.config, directory, case.name, progress, stop)
         return summary, str(summary.get("problem") or ""), 0 if summary.get("stable") else 1
     plan = FaultPlan(case.faults, Timeline.of(case.config.run)) if case.faults else None
-    options = RunOptions(compose=case.mode == "compose", nodes=nodes if case.mode == "run" else {})
+    options = RunOptions(compose=case.mode == "compose", nodes=nodes)
     outcome = run_scenario(
         case.config, case.name, directory, options,
         watch=progress, stop=stop, faults=plan,

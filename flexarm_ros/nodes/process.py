@@ -55,12 +55,18 @@ def run_process(name: str, argv: list[str]) -> int:
         print(f"{name}: {_first_line(error)}", file=sys.stderr)
         return 2
     try:
-        return _run(list(CLASSES) if name == COMPOSE else [name], argv)
+        return _run(_composed(argv) if name == COMPOSE else [name], argv)
     except ScenarioError as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
     finally:
         rclpy.try_shutdown()
+
+
+def _composed(argv: list[str]) -> list[str]:
+    """Return the nodes that share this process: those named before the ROS arguments, or all."""
+    words = argv[: argv.index("--ros-args")] if "--ros-args" in argv else argv
+    return [name for name in CLASSES if name in words] or list(CLASSES)
 
 
 def _run(names: list[str], argv: list[str]) -> int:
