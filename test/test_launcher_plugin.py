@@ -79,6 +79,8 @@ def test_a_simulation_needs_no_ros(flexarm_run: Fly) -> None:
     assert first["scenario"]["plant"]["length"] == [4.4, 4.6]
     assert first.directory != second.directory
     assert first["max_error"] != second["max_error"]
+    assert len(first.trajectory["theta1"]) == 200
+    assert first.trajectory["t"][-1] == 0.199
     assert first.verify().same
 
 

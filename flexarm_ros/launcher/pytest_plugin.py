@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from flexarm_ros.bag.cdr import FloatArray
     from flexarm_ros.bag.verify import Verdict
     from flexarm_ros.launcher.suite import SuiteResult
 
@@ -41,6 +42,16 @@ class Flight:
 
     def __getitem__(self, metric: str) -> Any:
         return self.summary[metric]
+
+    @property
+    def trajectory(self) -> dict[str, FloatArray]:
+        """The columns of ``trajectory.csv``: one value a tick, shape ``(ticks,)``."""
+        import numpy as np
+
+        with open(self.directory / "trajectory.csv", encoding="ascii") as file:
+            names = file.readline().strip().split(",")
+            table = np.loadtxt(file, delimiter=",", ndmin=2)
+        return dict(zip(names, table.reshape(-1, len(names)).T, strict=True))
 
     def log(self, node: str) -> str:
         """Return what a node has printed."""
