@@ -1,0 +1,1 @@
+"""Speed of the package, measured: ``make bench`` writes docs/performance.md."""

@@ -1,0 +1,159 @@
+"""Starting the processes that are measured, and what they cost."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros import scenario
+from flexarm_ros.launcher.domains import reserved_domain
+from flexarm_ros.launcher.litter import Litter
+from flexarm_ros.launcher.run import ROLES
+
+PLAIN = "FLEXARM_BENCH_PLAIN"
+"""In the environment of `bench.traced`: nothing is to be timed but the whole."""
+
+LIMIT_S = 180.0
+"""Wall time after which a measurement is given up."""
+
+_LEAVING_S = 10.0
+
+
+@dataclass
+class Cost:
+    """What one run took: wall time and processor time of a tick, first to last, in us."""
+
+    wall_us: float
+    cpu_us: float
+    parts: dict[str, float] = field(default_factory=dict)
+    """Part -> us of processor time a tick, all processes together."""
+    roles: dict[str, float] = field(default_factory=dict)
+    """Process -> us of processor time a tick."""
+
+    def rtf(self, period_s: float = 0.001) -> float:
+        """Return the real-time factor."""
+        return period_s * 1e6 / self.wall_us
+
+
+class MeasurementFailed(Exception):
+    """A run that was to be measured did not end well."""
+
+
+@contextlib.contextmanager
+def processes(
+    commands: dict[str, list[str]], **options: Any
+) -> Iterator[tuple[dict[str, Any], dict[str, str]]]:
+    """Start commands in a domain of their own; none is left when the block ends.
+
+    ``env`` in ``options`` is added to their environment.  Yields the processes and the environment.
+    """
+    with reserved_domain() as domain, contextlib.ExitStack() as stack:
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            **options.pop("env", {}),
+        }
+        started: dict[str, Any] = {}
+        litter = Litter()
+
+        def end() -> None:
+            left = [process for process in started.values() if process.poll() is None]
+            litter.note(process.pid for process in left)
+            for process in left:
+                process.kill()
+                process.wait()
+            litter.remove()
+
+        stack.callback(end)
+        for name, command in commands.items():
+            started[name] = stack.enter_context(
+                subprocess.Popen(command, env=environment, text=True, **options)
+            )
+        yield started, environment
+
+
+def floor(ticks: int, mode: str = "raw") -> Cost:
+    """Run the floor; see `bench.floor`."""
+    commands = {
+        role: [sys.executable, "-m", "bench.floor", role, str(ticks), mode] for role in ROLES
+    }
+    with processes(commands, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as (started, _):
+        for name, process in started.items():
+            if process.stdout.readline() != "ready\n":
+                raise MeasurementFailed(f"floor: {name} did not start")
+        for process in reversed(started.values()):  # the plant comes last: it makes the first move
+            process.stdin.write("go\n")
+            process.stdin.flush()
+        lines = {name: process.stdout.readline() for name, process in started.items()}
+        for process in started.values():
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):  # it has told what was asked
+            for process in started.values():
+                process.wait(_LEAVING_S)
+    try:
+        facts = {name: json.loads(line) for name, line in lines.items()}
+    except ValueError:
+        raise MeasurementFailed(f"floor ({mode}): a process did not finish") from None
+    roles = {name: fact["cpu_s"] / ticks * 1e6 for name, fact in facts.items()}
+    return Cost(facts["plant"]["wall_s"] / ticks * 1e6, sum(roles.values()), {}, roles)
+
+
+def nodes(ticks: int, traced: bool = False, compose: bool = False) -> Cost:
+    """Run the real nodes by hand, recorder included, with their costs told by themselves."""
+    with tempfile.TemporaryDirectory(prefix="flexarm-bench-") as folder:
+        there = Path(folder)
+        params = there / "scenario.yaml"
+        params.write_text(_scenario(ticks), encoding="utf-8")
+        out = there / "run"
+        names = ["compose"] if compose else list(ROLES)
+        commands = {
+            name: [
+                sys.executable, "-m", "bench.traced", name, str(there / f"{name}.json"),
+                "--ros-args", "--params-file", str(params),
+                *(["-p", f"recorder:output:={out}"] if name in ("recorder", "compose") else []),
+            ]
+            for name in names
+        }  # fmt: skip
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        plain = {} if traced else {PLAIN: "1"}
+        with processes(commands, env=plain, **quiet) as (started, _):
+            deadline = time.monotonic() + LIMIT_S
+            for process in started.values():
+                process.wait(max(0.0, deadline - time.monotonic()))
+        facts = {}
+        for name in names:
+            told = there / f"{name}.json"
+            if not told.exists():
+                raise MeasurementFailed(f"{name} did not finish")
+            facts[name] = json.loads(told.read_text(encoding="utf-8"))
+    lead = facts["plant" if not compose else "compose"]
+    roles = {name: fact["cpu_s"] / ticks * 1e6 for name, fact in facts.items()}
+    return Cost(lead["wall_s"] / ticks * 1e6, sum(roles.values()), _parts(facts, ticks), roles)
+
+
+def _parts(facts: dict[str, dict], ticks: int) -> dict[str, float]:
+    """Return the parts of all processes, in us of processor time a tick."""
+    total: dict[str, float] = {}
+    for fact in facts.values():
+        for part, seconds in fact["parts"].items():
+            total[part] = total.get(part, 0.0) + seconds
+        rest = fact["thread_s"] - sum(fact["parts"].values())
+        total["loop of the nodes"] = total.get("loop of the nodes", 0.0) + rest
+        threads = fact["cpu_s"] - fact["thread_s"]
+        total["DDS threads"] = total.get("DDS threads", 0.0) + threads
+    return {part: seconds / ticks * 1e6 for part, seconds in total.items()}
+
+
+def _scenario(ticks: int) -> str:
+    return scenario.dump(scenario.load("fls_tip", [f"duration={ticks / 1000!r}"]))

@@ -1,0 +1,134 @@
+"""One node of a real run with its costs told: ``python -m bench.traced ROLE OUT ...``.
+
+Counts the processor time from the first tick to the last of this process and of the thread that
+drives the lock-step, and by wrapping the calls in question what part each has in it.  With
+``FLEXARM_BENCH_PLAIN`` in the environment nothing is wrapped and only the totals are told.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from bench.launch import PLAIN
+from flexarm_ros.bag.writer import BagWriter
+from flexarm_ros.core import control, sensors
+from flexarm_ros.core.plant import Eq14Plant
+from flexarm_ros.core.trajectory import Reference
+from flexarm_ros.nodes import endpoints, lockstep, participant, process
+
+PARTS: dict[str, int] = {}
+"""Part -> nanoseconds of processor time."""
+
+
+def timed(function: Callable[..., Any], part: str) -> Callable[..., Any]:
+    """Return ``function`` with its processor time added to ``part``."""
+    PARTS.setdefault(part, 0)
+    clock = time.thread_time_ns
+
+    def call(*args: Any) -> Any:
+        start = clock()
+        try:
+            return function(*args)
+        finally:
+            PARTS[part] += clock() - start
+
+    return call
+
+
+class Meter:
+    """Notes the clocks when the first node of this process starts and when the last ends."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._start: tuple[float, ...] = ()
+        self._parts: dict[str, int] = {}
+
+    def _now(self) -> tuple[float, ...]:
+        return time.monotonic(), time.process_time(), time.thread_time()
+
+    def begin(self) -> None:
+        """Note the start, once."""
+        if not self._start:
+            self._start, self._parts = self._now(), dict(PARTS)
+
+    def end(self, node: participant.Participant) -> None:
+        """Write what has been used since the start; the last node's word stands."""
+        wall, cpu, thread = (b - a for a, b in zip(self._start, self._now(), strict=True))
+        parts = {part: (ns - self._parts[part]) * 1e-9 for part, ns in PARTS.items()}
+        facts = {"wall_s": wall, "cpu_s": cpu, "thread_s": thread, "ticks": node.tick}
+        self._out.write_text(json.dumps({**facts, "parts": parts}), encoding="utf-8")
+
+
+def hook(meter: Meter, role: str) -> None:
+    """Let every participant of this process tell the meter when it begins and ends."""
+    drive, finish = participant.Participant.drive, participant.Participant.finish
+    moves = 2 if role == "trajectory" else 1  # its first move comes before tick 0
+
+    def driven(self: participant.Participant) -> bool:
+        nonlocal moves
+        moved = drive(self)
+        moves -= moved
+        if moves <= 0:
+            meter.begin()
+            participant.Participant.drive = drive  # type: ignore[method-assign]
+        return moved
+
+    def finishing(self: participant.Participant) -> None:
+        if self.ROLE in (role, "plant"):
+            meter.end(self)
+        finish(self)
+
+    participant.Participant.drive = driven  # type: ignore[method-assign]
+    participant.Participant.finish = finishing  # type: ignore[method-assign]
+
+
+def wrap() -> None:
+    """Time the calls of the hot path, each as a part of its own."""
+    for owner, name, part in (
+        (endpoints.Waiter, "wait", "wait set"),
+        (Eq14Plant, "step", "physics and control"),
+        (sensors.Encoder, "measure", "physics and control"),
+        (sensors.TipSensor, "measure", "physics and control"),
+        (Reference, "command", "physics and control"),
+        (control.LAWS["pd"], "torque", "physics and control"),
+        (control.LAWS["fls"], "torque", "physics and control"),
+        (BagWriter, "write", "recording"),
+    ):
+        setattr(owner, name, timed(getattr(owner, name), part))
+    configure_output, configure_input = lockstep.Output.configure, lockstep.Input.configure
+    make_input = lockstep.Input.__init__
+
+    def output(self: Any, *args: Any) -> None:
+        configure_output(self, *args)
+        self._encode = timed(self._encode, "serialization")
+        self._publish = timed(self._publish, "DDS hop")
+
+    def reader(self: Any, *args: Any) -> None:
+        configure_input(self, *args)
+        self._decode = timed(self._decode, "serialization")
+
+    def made(self: Any, *args: Any) -> None:
+        make_input(self, *args)
+        self._take = timed(self._take, "DDS hop")
+
+    lockstep.Output.configure = output  # type: ignore[method-assign]
+    lockstep.Input.configure = reader  # type: ignore[method-assign]
+    lockstep.Input.__init__ = made  # type: ignore[method-assign]
+
+
+def main(role: str, out: str, rest: list[str]) -> int:
+    """Run the node with a ROS command line."""
+    hook(Meter(Path(out)), role)
+    if PLAIN not in os.environ:
+        wrap()
+    return process.run_process(role, rest)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2], sys.argv[3:]))

@@ -1,0 +1,53 @@
+"""The benchmark runs, and its page has a place for each part; no test depends on a speed."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import pytest
+
+from bench.__main__ import PAGE, PARTS, filled, main
+from bench.table import Part, Ratio, summary
+
+
+def test_the_page_has_a_place_for_every_part() -> None:
+    blocks = {name: f"new text of {name}" for name in (*PARTS, "machine", "summary")}
+    page = filled(PAGE.read_text(encoding="utf-8"), blocks)
+    assert all(f"<!-- bench:{name} -->\n\n{text}\n" in page for name, text in blocks.items())
+    assert filled(page, blocks) == page
+    with pytest.raises(ValueError, match="bench:nothing"):
+        filled(page, {"nothing": ""})
+
+
+def test_every_part_can_be_measured() -> None:
+    assert all(callable(import_module(f"bench.{name}").measure) for name in PARTS)
+
+
+def test_an_unknown_part_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["speed"]) == 2
+    assert "'speed'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("value", "goal", "least", "verdict"),
+    [(2.0, 1.5, True, "yes"), (1.4, 1.5, True, "no"), (1.2, 1.3, False, "yes"),
+     (1.4, 1.3, False, "no"), (1.0, None, True, "")],
+)  # fmt: skip
+def test_a_goal_that_is_missed_is_reported_so(
+    value: float, goal: float | None, least: bool, verdict: str
+) -> None:
+    ratio = Ratio("a / b", "1 s", "2 s", value, goal, least)
+    assert ratio.verdict == verdict
+    assert f"| {verdict} |" in summary([Part("x", [ratio])])
+
+
+@pytest.mark.nodes
+def test_floor_and_nodes_tell_what_they_cost() -> None:
+    from bench.distributed import _NAMES
+    from bench.launch import ROLES, floor, nodes
+
+    bare, traced = floor(40), nodes(40, traced=True)
+    assert set(bare.roles) == set(traced.roles) == set(ROLES)
+    assert set(traced.parts) == set(_NAMES)
+    assert sum(traced.parts.values()) == pytest.approx(traced.cpu_us)
+    assert all(cost.wall_us > 0.0 for cost in (bare, traced))
