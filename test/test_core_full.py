@@ -175,11 +175,11 @@ def test_a_rotating_link_stiffens_as_published(speed: float) -> None:
 
 
 def test_very_stiff_links_move_as_rigid_ones() -> None:
-    """The double pendulum without gravity in closed form, one step of it."""
+    """The double pendulum without gravity, its equations integrated here."""
     plant = full_plant(modes=1, flexural_rigidity=(1e9, 1e9))
     run = RunParameters(control_period=1e-5, duration=1.0)
     arm = make_plant(RunConfig(run=run, plant=replace(plant, initial_position=(0.3, 0.9))))
-    torque, ticks = np.array([30.0, -12.0]), 40_000
+    torque, ticks = np.array([30.0, -12.0]), 20_000
     m, length, h = 0.335 * 4.5, 4.5, 1e-4
 
     def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -192,7 +192,7 @@ def test_very_stiff_links_move_as_rigid_ones() -> None:
         return np.linalg.solve(mass, torque - swirl)
 
     x, v = np.array([0.3, 0.9]), np.zeros(2)
-    for _ in range(4000):
+    for _ in range(2000):
         k1 = acceleration(x, v)
         k2 = acceleration(x + h / 2 * v, v + h / 2 * k1)
         k3 = acceleration(x + h / 2 * (v + h / 2 * k1), v + h / 2 * k2)
@@ -204,10 +204,10 @@ def test_very_stiff_links_move_as_rigid_ones() -> None:
 
 
 def test_modal_damping_decays_at_its_ratio() -> None:
-    """One link between locked... a huge hub: its first coordinate as a damped oscillator."""
+    """One link on a huge hub: its first coordinate is a damped oscillator."""
     plant = full_plant(
         modes=1, basis="clamped_free", hub_inertia=(1e12, 1e12), damping_ratio=0.02,
-        length=(4.5, 0.1), mass_density=(0.335, 1e-9), flexural_rigidity=(1676.0, 1e-4),
+        length=(4.5, 0.1), mass_density=(0.335, 1e-7), flexural_rigidity=(1676.0, 1e-5),
     )  # fmt: skip
     arm = start(plant, (0.0, 0.0))
     q = np.zeros(4)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import RunConfig, RunParameters
 from flexarm_ros.core.plant import make_plant
 from validation.motion import full_plant
@@ -68,8 +69,6 @@ def test_the_plant_itself_responds_as_the_linear_arm() -> None:
     plant = full_plant(modes=4, hub_inertia=(8.0, 1e6), initial_position=(0.0, 0.0))
     run = RunParameters(control_period=1e-3, duration=1.0)
     arm = make_plant(RunConfig(run=run, plant=plant))
-    from flexarm_ros.core.kinematics import make_point
-
     tip, heights = make_point(plant, 9.0, True), []
     for _ in range(301):
         heights.append(tip(arm.q, arm.qd)[1])
