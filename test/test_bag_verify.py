@@ -12,6 +12,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag import provenance
 from flexarm_ros.bag.foreign import typestore
 from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.scan import Scanner
 from flexarm_ros.bag.topics import COMMAND, STATE, per_tick_topics
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
@@ -158,6 +159,20 @@ def test_cut_off_is_compared_as_far_as_it_goes(tmp_path: Path) -> None:
     assert verdict.same
     assert 0 < verdict.ticks < verdict.planned
     assert any("damaged at byte" in note for note in verdict.notes)
+
+
+def test_nothing_recorded_is_nothing_proved(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sound = write_small(tmp_path / "bag", small_config()).read_bytes()
+    with Scanner(tmp_path / "bag" / "bag_0.mcap") as scanner:
+        front = next(r.offset for r in scanner.records(bodies=False) if r.opcode == 0x06)
+    (tmp_path / "front.mcap").write_bytes(sound[:front])
+    verdict = verify(tmp_path / "front.mcap")
+    assert not verdict.same
+    assert verdict.faults == ["no message in it: nothing is proved"]
+    assert main(["verify", str(tmp_path / "front.mcap")]) == 1
+    assert "the same" not in capsys.readouterr().out
 
 
 def test_ended_early_with_an_incomplete_tick(tmp_path: Path) -> None:

@@ -196,6 +196,9 @@ class _Run:
     def _ending(self) -> None:
         """Say why a run ends before its time."""
         verdict, loop = self._verdict, self._loop
+        if not any(self.counts):
+            verdict.faults.append("no message in it: nothing is proved")
+            return
         if self._incomplete:
             verdict.notes.append(self._incomplete)
         elif self._last + 1 == verdict.planned:
