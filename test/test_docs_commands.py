@@ -32,7 +32,7 @@ SHOWN = {"", "text", "yaml", "json", "xml", "mermaid", "math", "cpp", "csv"}
 COMMAND = re.compile(r"^(?: {4}|\t)(flexarm|make|ros2|python3?|pip|mcap|colcon) ", re.MULTILINE)
 LINK = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)(?:#[^)\s]*)?\)")
 PENDING = {
-    f"{topic}.md" for topic in ("validation", "performance", "reliability", "install")
+    f"{topic}.md" for topic in ("validation", "performance", "reliability")
 }  # pages that are being written
 NOTEBOOK = "an extra is missing; pip install 'flexarm_ros[notebook]'"
 LIMIT_S = {"quick": 600.0, "slow": 3600.0}

@@ -5,6 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
+from rclpy.action import (
+    get_action_client_names_and_types_by_node,
+    get_action_server_names_and_types_by_node,
+)
+
 from flexarm_ros.ros2_standin import session
 
 
@@ -56,11 +61,13 @@ def info(options: argparse.Namespace) -> int:
             "Publishers": looker.get_publisher_names_and_types_by_node(*who),
             "Service Servers": looker.get_service_names_and_types_by_node(*who),
             "Service Clients": looker.get_client_names_and_types_by_node(*who),
+            "Action Servers": get_action_server_names_and_types_by_node(looker, *who),
+            "Action Clients": get_action_client_names_and_types_by_node(looker, *who),
         }
     print(name)
     for title, entries in sections.items():
         print(f"  {title}:")
-        for entry, types in sorted(entries):
-            if options.include_hidden or not session.hidden(entry):
-                print(f"    {entry}: {', '.join(types)}")
+        shown = [e for e in sorted(entries) if options.include_hidden or not session.hidden(e[0])]
+        # An empty section is an empty line, as in the real command.
+        print("\n".join(f"    {entry}: {', '.join(types)}" for entry, types in shown))
     return 0

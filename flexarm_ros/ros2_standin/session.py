@@ -56,12 +56,15 @@ def node(options: argparse.Namespace, discover: bool = True) -> Iterator[Node]:
 def wait_until(looker: Node, done: Callable[[], bool], seconds: float) -> bool:
     """Spin until `done` or for at most so many seconds; return whether it is done."""
     end = time.monotonic() + seconds
-    while not done():
+    while True:
+        if not rclpy.ok():
+            raise ExternalShutdownException
+        if done():
+            return True
         left = end - time.monotonic()
         if left <= 0:
             return False
         rclpy.spin_once(looker, timeout_sec=min(left, 0.05))
-    return True
 
 
 def hidden(name: str) -> bool:
