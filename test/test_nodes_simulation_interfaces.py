@@ -1,0 +1,195 @@
+"""The standard services, with a package of the shape of simulation_interfaces 2.1."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from flexarm_ros.nodes.run_control import RunControl
+from flexarm_ros.nodes.status import Phase
+
+STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
+UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
+ALREADY, TRANSITION_ERROR, INCORRECT_TRANSITION = 101, 102, 103
+
+
+def modules() -> tuple[ModuleType, ModuleType]:
+    """Return ``simulation_interfaces.msg`` and ``.srv``, as far as they are used."""
+    msg, srv = ModuleType("simulation_interfaces.msg"), ModuleType("simulation_interfaces.srv")
+    msg.Result = SimpleNamespace(
+        RESULT_FEATURE_UNSUPPORTED=0, RESULT_OK=1, RESULT_NOT_FOUND=2, RESULT_INCORRECT_STATE=3,
+        RESULT_OPERATION_FAILED=4,
+    )  # fmt: skip
+    msg.SimulationState = SimpleNamespace(
+        STATE_STOPPED=0, STATE_PLAYING=1, STATE_PAUSED=2, STATE_QUITTING=3, STATE_NO_WORLD=4,
+        STATE_LOADING_WORLD=5,
+    )  # fmt: skip
+    msg.SimulatorFeatures = SimpleNamespace(
+        SIMULATION_RESET=20, SIMULATION_RESET_TIME=21, SIMULATION_RESET_STATE=22,
+        SIMULATION_RESET_SPAWNED=23, SIMULATION_STATE_GETTING=24, SIMULATION_STATE_SETTING=25,
+        SIMULATION_STATE_PAUSE=26, STEP_SIMULATION_SINGLE=31, STEP_SIMULATION_MULTIPLE=32,
+        STEP_SIMULATION_ACTION=33,
+    )  # fmt: skip
+    for name in ("GetSimulatorFeatures", "GetSimulationState", "StepSimulation", "ResetSimulation"):
+        setattr(srv, name, SimpleNamespace(name=name))
+    srv.SetSimulationState = SimpleNamespace(
+        Response=SimpleNamespace(
+            ALREADY_IN_TARGET_STATE=101, STATE_TRANSITION_ERROR=102, INCORRECT_TRANSITION=103
+        )
+    )
+    return msg, srv
+
+
+class Plant:
+    """What run control needs of the plant; a thread of its own stands for the lock-step loop."""
+
+    def __init__(self) -> None:
+        self.services: dict[str, Any] = {}
+        self.finished, self.tick, self.interrupted = False, 0, 0
+        self.timeline = SimpleNamespace(period_ns=1_000_000)
+        self.board = SimpleNamespace(mine=SimpleNamespace(phase=Phase.JOINING))
+
+    def get_parameter(self, _: str) -> Any:
+        return SimpleNamespace(value=0.0)
+
+    def create_service(self, _: Any, name: str, action: Any) -> None:
+        self.services[name] = action
+
+    def add_on_set_parameters_callback(self, _: Any) -> None:
+        pass
+
+    def loop(self, control: RunControl, stop: threading.Event) -> None:
+        while not stop.wait(0.0002):
+            if self.interrupted or self.tick >= 100_000:
+                self.finished = True
+                return
+            phase = self.board.mine.phase
+            if control.reset_wanted:
+                self.tick = 0
+                control.reset_wanted = False
+            elif phase in (Phase.RUNNING, Phase.PAUSED) and control.may_begin(self.tick):
+                self.tick += 1
+
+
+@pytest.fixture
+def simulator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Plant, Any]]:
+    """Yield a plant whose loop goes on, and a function that calls one of its services."""
+    msg, srv = modules()
+    package = ModuleType("simulation_interfaces")
+    for name, module in (("", package), (".msg", msg), (".srv", srv)):
+        monkeypatch.setitem(sys.modules, f"simulation_interfaces{name}", module)
+    plant, stop = Plant(), threading.Event()
+    control = RunControl(plant)  # type: ignore[arg-type]
+    assert control.standard
+    thread = threading.Thread(target=plant.loop, args=(control, stop))
+
+    def call(name: str, **request: Any) -> Any:
+        response = SimpleNamespace(
+            result=SimpleNamespace(result=None, error_message=""),
+            state=SimpleNamespace(state=None), features=SimpleNamespace(),
+        )  # fmt: skip
+        return plant.services[name](SimpleNamespace(**request), response)
+
+    thread.start()
+    yield plant, call
+    stop.set()
+    thread.join(10)
+
+
+def state(call: Any) -> int:
+    answer = call("get_simulation_state")
+    assert answer.result.result == OK
+    return int(answer.state.state)
+
+
+def set_state(call: Any, wanted: int) -> Any:
+    return call("set_simulation_state", state=SimpleNamespace(state=wanted)).result
+
+
+def test_services_have_the_standard_names_and_features(simulator: Any) -> None:
+    plant, call = simulator
+    assert {name for name in plant.services if not name.startswith("~")} == {
+        "get_simulator_features", "get_simulation_state", "set_simulation_state",
+        "step_simulation", "reset_simulation",
+    }  # fmt: skip
+    answer = call("get_simulator_features")
+    assert set(answer.features.features) == {20, 24, 25, 26, 31, 32}
+
+
+def test_states_are_those_of_the_standard(simulator: Any) -> None:
+    plant, call = simulator
+    assert state(call) == STOPPED  # before the run
+    plant.board.mine.phase = Phase.RUNNING
+    assert state(call) == PLAYING
+    assert set_state(call, PLAYING).result == ALREADY
+    assert set_state(call, PAUSED).result == OK
+    assert state(call) == PAUSED
+    answer = set_state(call, PAUSED)
+    assert (answer.result, answer.error_message) == (ALREADY, "already paused")
+    answer = set_state(call, NO_WORLD)
+    assert answer.result == UNSUPPORTED
+    assert "STATE_PLAYING" in answer.error_message
+
+
+def test_stopping_is_pausing_and_resetting(simulator: Any) -> None:
+    plant, call = simulator
+    plant.board.mine.phase = Phase.RUNNING
+    assert set_state(call, PAUSED).result == OK
+    assert call("step_simulation", steps=7).result.result == OK
+    assert plant.tick >= 7
+    assert set_state(call, STOPPED).result == OK
+    assert plant.tick == 0
+    assert state(call) == STOPPED
+    assert set_state(call, STOPPED).result == ALREADY
+    assert call("step_simulation", steps=2).result.result == OK
+    assert plant.tick == 2
+    assert state(call) == PAUSED
+    assert set_state(call, PLAYING).result == OK
+    assert state(call) == PLAYING
+
+
+def test_a_step_does_so_many_ticks_and_answers_then(simulator: Any) -> None:
+    plant, call = simulator
+    plant.board.mine.phase = Phase.RUNNING
+    answer = call("step_simulation", steps=1).result
+    assert answer.result == FAILED  # as StepSimulation.srv has it for one that is not paused
+    assert "pause" in answer.error_message
+    assert set_state(call, PAUSED).result == OK
+    assert call("step_simulation", steps=0).result.result == OK
+    before = plant.tick
+    assert call("step_simulation", steps=250).result.result == OK
+    assert plant.tick == before + 250
+
+
+@pytest.mark.parametrize(("scope", "result"), [(0, OK), (255, OK), (3, OK), (1, 0), (2, 0), (4, 0)])
+def test_state_and_time_are_reset_together(simulator: Any, scope: int, result: int) -> None:
+    plant, call = simulator
+    plant.board.mine.phase = Phase.RUNNING
+    assert set_state(call, PAUSED).result == OK
+    assert call("step_simulation", steps=5).result.result == OK
+    answer = call("reset_simulation", scope=scope).result
+    assert answer.result == result
+    assert (plant.tick == 0) is (result == OK)
+
+
+def test_reset_without_a_run_and_quitting(simulator: Any) -> None:
+    plant, call = simulator
+    answer = call("reset_simulation", scope=0).result
+    assert answer.result == FAILED
+    assert "joining" in answer.error_message
+    plant.board.mine.phase = Phase.RUNNING
+    assert set_state(call, QUITTING).result == OK
+    for _ in range(10_000):
+        if plant.finished:
+            break
+        threading.Event().wait(0.001)
+    assert state(call) == QUITTING
+    assert set_state(call, PLAYING).result == INCORRECT_TRANSITION
+    assert call("step_simulation", steps=1).result.result == FAILED
