@@ -144,6 +144,10 @@ def test_configure_takes_names_files_maps_and_configs(tmp_path: Path) -> None:
     again = fa.configure(config, controller={"kp": 80})
     assert (again.controller.kp, again.plant.payload_mass) == (80.0, 1.0)
     assert fa.configure(fa.simulate(config, duration=0.01).scenario, duration=2.0) == config
+    nested = {"law": "passive", "joint": {"kp": np.float64(80)}}
+    dotted = {"law": "passive", "joint.kp": 80.0}
+    for base in ("pd_tip", fa.simulate("pd_tip", duration=0.01).scenario):
+        assert fa.configure(base, controller=nested) == fa.configure(base, controller=dotted)
     file = tmp_path / "mine.yaml"
     file.write_text("plant:\n  ros__parameters:\n    payload_mass: 0.5\n", "utf-8")
     assert fa.configure(file, run={"duration": 1}).plant.payload_mass == 0.5

@@ -158,11 +158,18 @@ def _timed(blocks: Iterator[Block]) -> Iterator[tuple[Block, float]]:
 
 
 def _plain(section: str, keys: Any) -> dict[str, Any]:
-    """Return values as a file has them: NumPy's numbers and arrays become Python's."""
+    """Return values as a file has them: NumPy's become Python's, nested keys dotted."""
     if not isinstance(keys, Mapping):
         name = "run" if section == OWN else section
         raise scenarios.ScenarioError(f"{name}: {keys!r} is not a map of keys")
-    return {str(key): _value(value) for key, value in keys.items()}
+    plain: dict[str, Any] = {}
+    for key, value in keys.items():
+        if isinstance(value, Mapping):
+            inner = _plain(f"{section}.{key}", value)
+            plain.update({f"{key}.{name}": held for name, held in inner.items()})
+        else:
+            plain[str(key)] = _value(value)
+    return plain
 
 
 def _value(value: Any) -> Any:
