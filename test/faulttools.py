@@ -31,6 +31,12 @@ OWN = ("raise", "exit")
 NODE = Path(__file__).with_name("faulty_node.py")
 
 TICK_TIMEOUT_S = 2.0
+UNREAD_TICKS = 60
+"""What a node has sent in the recorder's last 20 ms is gone when it ends without a word."""
+
+AHEAD_S = 6.0
+"""Wall time for the ticks that the plant may be ahead of the recorder, and its wait to be read."""
+
 LIMIT_S = TICK_TIMEOUT_S + 0.6 + processes.END_GRACE_S + 2.0
 """Wall time from a fault to the end of all processes: the limit on a tick with the last node's
 patience, the look at the verdicts, the time to leave, SIGTERM, SIGKILL."""
@@ -95,13 +101,14 @@ def faulty_run(
     )
     took = time.monotonic() - moved[0]
     summary = json.loads((directory / "summary.json").read_text())
-    assert summary["stable"] is not True
+    # References are out long before their tick: without its trajectory a run may still be whole.
+    assert summary["stable"] is not True or summary["ticks"] == TICKS
     assert summary["problem"] == outcome.problem
-    check_bag(directory, config, summary["ticks"])
+    check_bag(directory, config, summary["ticks"], gone=role)
     return Faulted(directory, outcome.problem, summary["ticks"], took, exits, memory)
 
 
-def check_bag(directory: Path, config: RunConfig, ticks: int) -> None:
+def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = "") -> None:
     """The bag opens and holds, for ``ticks`` ticks, the bytes of an undisturbed run."""
     bag = directory / "bag"
     if not bag.exists():
@@ -122,7 +129,10 @@ def check_bag(directory: Path, config: RunConfig, ticks: int) -> None:
     whole = [k for k in range(TICKS) if all((k, path) in by_tick for path in paths)]
     assert whole == list(range(ticks))
     # Of the tick that was not finished there may be some messages, of later ones none.
-    assert max((tick for tick, _ in by_tick), default=-1) <= ticks
+    # But where a node has gone without a word, and what nobody had read of it with it.
+    missing = {path for path in paths if (ticks, path) not in by_tick}
+    if not missing <= {topic.path for topic in per_tick_topics(config) if topic.node == gone}:
+        assert max((tick for tick, _ in by_tick), default=-1) <= ticks, sorted(by_tick)[-12:]
     with AnyReader([bag]) as reader:
         assert sum(1 for _ in reader.messages()) == len(messages)
     rows = (directory / "trajectory.csv").read_text().splitlines()
@@ -139,11 +149,15 @@ def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
            "exit": "ended with exit status 0", "pause": "within"}  # fmt: skip
     assert why[fault] in said
     named = int(said.split()[2].rstrip(":"))
-    ahead = {"trajectory": AHEAD + TICK_EVERY, "recorder": RECORDER_WINDOW}.get(role, 0)
-    assert tick - ahead <= named <= min(tick + ahead, TICKS), said
+    # The plant's state of a tick is out before its own turn comes again.
+    ahead = {"plant": 1, "trajectory": AHEAD + TICK_EVERY, "recorder": RECORDER_WINDOW}.get(role, 0)
+    unread = UNREAD_TICKS if fault in ("exit", "kill") else 0
+    assert tick - max(ahead, unread) <= named <= min(tick + ahead, TICKS), said
     lost = CHUNK_TICKS if (role, fault) == ("recorder", "kill") else 0
     assert done.ticks >= min(tick, named) - lost - 1
-    assert done.took_s < LIMIT_S, f"{said}, after {done.took_s} s"
+    # The plant leaves when it is done, though the recorder, which is behind it, stands still.
+    limit = LIMIT_S + (run.LEAVING_S - TICK_TIMEOUT_S + AHEAD_S) * ("did not leave" in said)
+    assert done.took_s < limit, f"{said}, after {done.took_s} s"
     assert done.memory, "no shared memory was noted"
     # Ports are numbered for the whole machine: somebody else's run may have taken one over.
     left = [name for name in done.memory if (litter.FOLDER / name).exists()]

@@ -24,7 +24,7 @@ def main() -> int:
 
     class Faulty(getattr(module, name)):  # type: ignore[misc]
         def advance(self, *args: Any) -> bool:
-            if self._due():
+            if self._strikes():
                 if fault == "raise":
                     raise ZeroDivisionError("a fault on purpose")
                 if fault == "exit":
@@ -32,11 +32,11 @@ def main() -> int:
                 self.crashed = "ZeroDivisionError: a fault on purpose"
             return bool(super().advance(*args))
 
-        def _due(self) -> bool:
+        def _strikes(self) -> bool:
             if role != "trajectory":
                 return bool(self.tick >= tick)
             # It hears of the plant's ticks now and then, and is far ahead of them itself.
-            return self._plant_tick > 0 and tick < self._plant_tick + TICK_EVERY
+            return self._reached.ticks > 0 and tick < self._reached.ticks + TICK_EVERY
 
     setattr(module, name, Faulty)
     return process.run_process(role, sys.argv[4:])

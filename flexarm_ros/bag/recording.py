@@ -98,7 +98,7 @@ def finish_run(
     provenance = Provenance.here(name)
     metrics = Metrics(config).result()
     try:
-        _mend_bag(directory)
+        _mend_bag(directory, config, provenance)
         reader = BagReader(directory)
         config = replace(config, changes=reader.config.changes)
         metrics = write_trajectory(directory, config, reader.blocks())
@@ -109,16 +109,16 @@ def finish_run(
     return summary
 
 
-def _mend_bag(directory: Path) -> None:
-    """Replace a bag that was never closed by what can be rescued of it."""
+def _mend_bag(directory: Path, config: RunConfig, provenance: Provenance) -> None:
+    """Replace a bag that was never closed by what can be rescued of it, or by an empty one."""
     bag = directory / BAG
     if not bag.is_dir() or (bag / "metadata.yaml").exists():
         return
     rescued = directory / "bag-rescued"
-    result = recover(bag, rescued)
-    if result.kept:
-        os.rename(bag, directory / _DAMAGED)
-        os.rename(rescued, bag)
-    else:
+    if not recover(bag, rescued).kept:
         with contextlib.suppress(OSError):
             shutil.rmtree(rescued)
+        with BagWriter(rescued, config, provenance):
+            pass
+    os.rename(bag, directory / _DAMAGED)
+    os.rename(rescued, bag)

@@ -25,7 +25,7 @@ ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder
 REPLACEABLE = ("encoder", "tip_sensor", "trajectory", "controller")
 """Roles whose place a node of the user's can take."""
 
-_LEAVING_S = 5.0
+LEAVING_S = 5.0
 """Wall time without any progress in which a node must leave once the plant has."""
 
 
@@ -174,7 +174,7 @@ def _supervise(
 ) -> bool:
     """Watch the nodes until all have left; True where ``stop`` ended the run."""
     total = round(config.run.duration / config.run.control_period)
-    leaving = _Leaving(max(_LEAVING_S, config.run.tick_timeout))
+    leaving = _Leaving(max(LEAVING_S, config.run.tick_timeout))
     while nodes.ours:
         nodes.poll(0.05)
         if faults is not None:

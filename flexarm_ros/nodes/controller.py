@@ -55,7 +55,11 @@ class ControllerNode(Participant):
         """Blame the plant where there is no state, else the sensor that is silent."""
         if not self._state.fetch(self.tick):
             return "plant", "no message on plant/state"
-        return super().waiting_for()
+        # Tried in turn: the one that is missing keeps the others from being fetched.
+        for entry in self.inputs.values():
+            if not entry.fetch(self.tick):
+                return entry.source, f"no message on {entry.topic.name}"
+        return "", ""
 
     def patience_s(self) -> float:
         """Speak first: this node knows which sensor is silent."""

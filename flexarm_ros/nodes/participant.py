@@ -24,6 +24,7 @@ from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
 
 _JOIN_INTERVAL_S = 0.02
 _STALL_S = 0.5
+_FLUSH_S = 4.0
 
 
 def describe(error: BaseException) -> str:
@@ -323,10 +324,14 @@ class Participant(Node):
             self.get_logger().warning(f"{self.invalid} invalid messages in all")
 
     def flush(self) -> None:
-        """Wait until every reader has this node's messages, two seconds at the longest."""
+        """Wait until every reader has this node's messages, four seconds at the longest.
+
+        A lost message is asked for at the next heartbeat, which Fast DDS sends every
+        three seconds; a user who ends the run does not wait that long.
+        """
         from rclpy.duration import Duration
 
-        deadline = time.monotonic() + 2.0
+        deadline = time.monotonic() + (2.0 if self.interrupted else _FLUSH_S)
         for output in [*self.outputs.values(), *self.side_outputs]:
             left = max(0.0, deadline - time.monotonic())
             output.publisher.wait_for_all_acked(Duration(seconds=left))

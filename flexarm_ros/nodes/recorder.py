@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -66,6 +67,14 @@ class RecorderNode(Participant):
         if time.monotonic() < self._due:
             return False
         self._due = time.monotonic() + _LOOK_S
+        if not self._record():
+            return False
+        self._progress.tell(self.tick)
+        self.check_end()
+        return not self.finished
+
+    def _record(self) -> bool:
+        """Write what is in the queues; False where no further tick is whole by that."""
         recording = self._recording
         assert recording is not None
         state, arrived = self.inputs["plant/state"], []
@@ -97,12 +106,14 @@ class RecorderNode(Participant):
         self._wall = now - self._first_wall
         self.tick = complete
         self.supervisor.report(self.ROLE, tick=complete)
-        self._progress.tell(complete)
-        self.check_end()
-        return not self.finished
+        return True
 
     def close(self) -> None:
         """Finish the bag and the files beside it."""
+        if self._recording is None:
+            return
+        with suppress(RunFailed):  # of a run that breaks off, what was on its way
+            self._record()
         if self._recording is None:
             return
         self._recording.close()
