@@ -115,3 +115,50 @@ def test_too_long_a_motion_is_named() -> None:
     long = replace(config, run=replace(config.run, duration=300.0))
     with pytest.raises(ValueError, match=r"^/\*\*\.duration: 300\.0 s, law lqg"):
         check(long)
+
+
+def test_a_law_is_stable_with_more_modes_than_it_knows() -> None:
+    loop, _ = fly("lqg_smooth", *SIDE, "plant.modes=4")
+    assert loop.unstable is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [f"{law}_{pace}" for law in PLANNING for pace in ("smooth", "constant")]
+)
+def test_the_arm_stays_at_rest_for_a_minute(name: str) -> None:
+    settings = (
+        "duration=76.0", "trajectory.kind=waypoints",
+        "trajectory.waypoint_times=[0.0, 4.0, 8.0, 12.0, 16.0]",
+        "trajectory.waypoint_x=[-6.3, -6.3, 6.3, 6.3, -6.3]",
+        "trajectory.waypoint_y=[-6.3, 6.3, 6.3, -6.3, -6.3]", "tip_sensor.noise_std=0.002",
+    )  # fmt: skip
+    config = scenario.load(name, settings)
+    loop, rows, largest = ClosedLoop(config), Rows(config), 0.0
+    while (r := loop.tick()) is not None:
+        if r.k >= 70_000:
+            row = rows.row(r.k, r.q, r.qd, r.deflections[:2], r.tip[1:3], r.torque)
+            largest = max(largest, np.hypot(row[9] - row[15], row[10] - row[16]))
+    assert loop.unstable is None
+    assert largest < 0.010
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("signs", [(0.9, 1.1, 0.9), (1.1, 0.9, 1.1), (1.1, 1.1, 1.1)])
+def test_adaptive_holds_the_second_square_with_all_three_off(signs: tuple[float, ...]) -> None:
+    ei, density, latency = 1676.0 * signs[0], 0.335 * signs[1], round(0.0312 * signs[2], 9)
+    config = scenario.load(
+        "adaptive_smooth",
+        [
+            f"plant.flexural_rigidity=[{ei!r}, {ei!r}]",
+            f"plant.mass_density=[{density!r}, {density!r}]",
+            f"tip_sensor.latency={latency!r}", "duration=32.0",
+        ],
+    )  # fmt: skip
+    loop, rows, squares = ClosedLoop(config), Rows(config), 0.0
+    while (r := loop.tick()) is not None:
+        if r.k >= 16_000:
+            row = rows.row(r.k, r.q, r.qd, r.deflections[:2], r.tip[1:3], r.torque)
+            squares += (row[9] - row[15]) ** 2 + (row[10] - row[16]) ** 2
+    assert loop.unstable is None
+    assert np.sqrt(squares / 16_000) < 0.008

@@ -124,3 +124,21 @@ def test_rtf_holds_the_run_to_the_wall_clock(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     # The last tick is due 0.998 s after the first; only being early is a fault here.
     assert json.loads((out / "summary.json").read_text())["wall_s"] > 0.99
+
+
+def test_a_law_with_a_memory_gives_the_same_bytes_in_nodes(tmp_path: Path) -> None:
+    """Plan, gains and estimate of law adaptive: the same in every process."""
+    short = ("--set", "duration=0.2")
+    for name, command in {
+        "nodes": ["run"],
+        "one": ["run", "--compose"],
+        "none": ["simulate"],
+    }.items():
+        done = flexarm(
+            *command, "adaptive_smooth", *short, "--no-pictures", "--out", tmp_path / name
+        )
+        assert done.returncode == 0, done.stderr
+    for file in ("bag/bag_0.mcap", "trajectory.csv"):
+        first = (tmp_path / "nodes" / file).read_bytes()
+        assert first == (tmp_path / "one" / file).read_bytes()
+        assert first == (tmp_path / "none" / file).read_bytes()
