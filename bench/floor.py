@@ -28,7 +28,14 @@ from std_msgs.msg import UInt64
 from flexarm_ros import scenario
 from flexarm_ros.bag.topics import Topic, per_tick_topics
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import READERS, TICK_EVERY, TICK_TOPIC, message_class, qos_profile
+from flexarm_ros.nodes.graph import (
+    TICK_EVERY,
+    TICK_TOPIC,
+    message_class,
+    qos_profile,
+    readers,
+    reads,
+)
 from flexarm_ros.nodes.trajectory import AHEAD
 
 ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
@@ -51,7 +58,7 @@ class Skeleton(Node):
         for topic in per_tick_topics(scenario.load("fls_tip")):
             if topic.node == role:
                 self._add_output(topic, executor)
-            elif role in READERS[topic.name]:
+            elif reads(role, topic):
                 self._add_input(topic, executor)
         if role == "plant":
             self.reached = self.create_publisher(UInt64, TICK_TOPIC, 1)
@@ -71,7 +78,7 @@ class Skeleton(Node):
         data = topic.codec.encode(1, *(0.5,) * len(topic.codec.fields))
         message = deserialize_message(data, kind) if executor else data
         self.publish[topic.name] = lambda: publisher.publish(message)
-        self._endpoints.append((publisher.get_subscription_count, len(READERS[topic.name])))
+        self._endpoints.append((publisher.get_subscription_count, len(readers(topic.name))))
 
     def _add_input(self, topic: Topic, executor: bool) -> None:
         kind = message_class(topic.type_name)

@@ -18,6 +18,9 @@ MINUTES = (1, 10, 100)
 WITH_BAG = 10
 """Longest run, minutes, that is flown with a bag too: the longer one would take the time of all."""
 
+SENSORS = (0, 1, 2, 5, 10, 20)
+"""Numbers of sensors at ``tip_sensor.more_locations``."""
+
 LONGEST_S = 400.0
 """Wall time beyond which a longer run is left out."""
 
@@ -100,7 +103,12 @@ def simulate(minutes: int, *words: str) -> Used:
 
 def _sensors() -> dict[int, float]:
     """Return the cost of a tick for a number of extra tip sensors, us of processor time."""
-    return {}
+    found = {}
+    for count in SENSORS:
+        places = [f"tip_sensor.more_locations={[4.5 + 0.2 * i for i in range(count)]}"]
+        config = scenario.load("fls_tip", places if count else [])
+        found[count] = loop_us(config, blocks=True)[1]
+    return found
 
 
 def _draw(plain: dict[int, Used], bag: dict[int, Used], modes: dict[int, float],

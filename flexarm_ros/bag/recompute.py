@@ -20,7 +20,7 @@ from flexarm_ros.core.control import Sample, make_law
 from flexarm_ros.core.loop import TickRecord
 from flexarm_ros.core.parameters import RunConfig, changed
 from flexarm_ros.core.plant import make_plant
-from flexarm_ros.core.sensors import Encoder, TipSensor
+from flexarm_ros.core.sensors import Encoder, TipSensor, further_sensors
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference
 
@@ -43,6 +43,7 @@ class Nodes:
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
         self._size = len(self._plant.names)
         self._encoder, self._tip = Encoder(config), TipSensor(config)
+        self._more = further_sensors(config)
         self._reference, self._law = Reference(config), make_law(config)
         self._fed = self._judged = 0
 
@@ -65,6 +66,8 @@ class Nodes:
             self.config = changed(self.config, change)
         for part in (self._encoder, self._tip, self._reference, self._law):
             part.retune(self.config)
+        for sensor in self._more:
+            sensor.retune(self.config)
 
     def _state(self, tick: int, before: Tick | None) -> Values | None:
         plant, n = self._plant, self._size
@@ -91,6 +94,9 @@ class Nodes:
             tip = self._tip.measure(tick, q, qd)
             found[JOINT_STATES] = (encoder[0], encoder[1:])
             found[TIP] = (tip[0], tip[1:])
+            for topic, sensor in enumerate(self._more, COMMAND + 1):
+                more = sensor.measure(tick, q, qd)
+                found[topic] = (more[0], more[1:])
         inputs = (now[JOINT_STATES], now[TIP], now[REFERENCE])
         if tick == self._judged and None not in inputs:
             self._judged += 1
@@ -109,4 +115,5 @@ def loop_messages(record: TickRecord, stamp: int) -> list[Stamped]:
         (record.tip[0], record.tip[1:]),
         (stamp, record.reference),
         (stamp, record.torque),
+        *((more[0], more[1:]) for more in record.more),
     ]

@@ -44,7 +44,7 @@ class BlockMaker:
         if i == 0:
             self._first = record.k
         now = self._timeline.stamp_ns(record.k)
-        _, state, encoder, tip, reference, command = self._values
+        _, state, encoder, tip, reference, command, *more = self._values
         size = len(record.q)
         row = state[i]
         row[:size] = record.q
@@ -56,9 +56,13 @@ class BlockMaker:
         reference[i] = record.reference
         command[i] = record.torque
         for stamps, stamp in zip(
-            self._stamps, (now, now, record.encoder[0], record.tip[0], now, now), strict=True
+            self._stamps,
+            (now, now, record.encoder[0], record.tip[0], now, now, *(m[0] for m in record.more)),
+            strict=True,
         ):
             stamps[i] = stamp
+        for values, measured in zip(more, record.more, strict=True):
+            values[i] = measured[1:]
         self._count += 1
 
     def take(self) -> Block:

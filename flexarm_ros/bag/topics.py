@@ -17,7 +17,7 @@ JOINTS = ("shoulder", "elbow")
 LINKS = ("link1", "link2")
 
 CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = range(6)
-"""Index of each topic in ``per_tick_topics``."""
+"""Index of each topic in ``per_tick_topics``; those of further tip sensors come behind them."""
 
 DEPTH = 1000
 """Depth of every history, in messages.
@@ -83,4 +83,18 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
         Topic("tip_sensor/odometry", "tip_sensor", tip),
         Topic("reference", "trajectory", reference),
         Topic("joint_command", "controller", command),
+        *_further_sensors(config),
     )
+
+
+def _further_sensors(config: RunConfig) -> tuple[Topic, ...]:
+    """Return the topics of the sensors at ``tip_sensor.more_locations``, behind all others."""
+    variance = config.tip_sensor.noise_std**2
+    numbers = range(1, len(config.tip_sensor.more_locations or ()) + 1)
+    return tuple(
+        Topic(
+            f"tip_sensor/odometry_{number}", "tip_sensor",
+            OdometryCodec(BASE_FRAME, f"tip_sensor_{number}", variance),
+        )
+        for number in numbers
+    )  # fmt: skip

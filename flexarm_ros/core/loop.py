@@ -9,7 +9,7 @@ from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.control import Sample, make_law
 from flexarm_ros.core.parameters import RunConfig, changed
 from flexarm_ros.core.plant import instability, make_plant
-from flexarm_ros.core.sensors import Encoder, Measurement, TipSensor
+from flexarm_ros.core.sensors import Encoder, Measurement, TipSensor, further_sensors
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference
 
@@ -35,6 +35,8 @@ class TickRecord(NamedTuple):
     reference: Four
     torque: tuple[float, float]
     gain: float
+    more: tuple[Measurement, ...] = ()
+    """As ``tip``, of each of the sensors at ``tip_sensor.more_locations``."""
 
 
 class ClosedLoop:
@@ -54,6 +56,7 @@ class ClosedLoop:
         self.timeline = Timeline.of(config.run)
         self.plant = make_plant(config)
         self.encoder, self.tip_sensor = Encoder(config), TipSensor(config)
+        self.more_sensors = further_sensors(config)
         self.reference, self.law = Reference(config), make_law(config)
         self._agenda = Agenda(config.changes)
         self.k = 0
@@ -77,12 +80,13 @@ class ClosedLoop:
         q, qd, ends = plant.q, plant.qd, plant.deflections()
         encoder = self.encoder.measure(k, q, qd)
         tip = self.tip_sensor.measure(k, q, qd)
+        more = tuple([sensor.measure(k, q, qd) for sensor in self.more_sensors])
         reference = self.reference.command(k)
         sample = Sample(q.tolist(), qd.tolist(), ends[:2], encoder[1:], tip[1:], reference)
         torque = self.law.torque(k, sample)
         self._torque = torque
         self.k = k + 1
-        return TickRecord(k, q, qd, ends, encoder, tip, reference, torque, self.law.gain)
+        return TickRecord(k, q, qd, ends, encoder, tip, reference, torque, self.law.gain, more)
 
     def _retune(self, k: int) -> None:
         """Set what changes at tick ``k``: see ``RunConfig.changes``."""
@@ -90,3 +94,5 @@ class ClosedLoop:
             self.config = changed(self.config, change)
         for part in (self.encoder, self.tip_sensor, self.reference, self.law):
             part.retune(self.config)
+        for sensor in self.more_sensors:
+            sensor.retune(self.config)

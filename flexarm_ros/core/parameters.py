@@ -143,6 +143,11 @@ class TipSensorParameters:
         9.0, "float", "m", "place from the shoulder along the arm, from the elbow to the tip",
         low=0.0, high=2e4, paper="9.0 or 6.75",
     )  # fmt: skip
+    more_locations: tuple[float, ...] | None = _key(
+        None, "floats", "m", "places of further sensors, elbow to tip, for the record only: each "
+        "like the first, with noise of its own, on `tip_sensor/odometry_1` and so on",
+        low=0.0, high=2e4,
+    )  # fmt: skip
     measurand: str = _key(
         "rigid", "str", "", "rigid: kinematics of the joint angles (Figure 4); elastic: where the "
         "point really is",

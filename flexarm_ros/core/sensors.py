@@ -133,18 +133,20 @@ class TipSensor:
 
     With ``tip_sensor.rate`` a new sample is delivered every whole number of
     ticks from tick 0 on, and held, with its own stamp, until the next.
+
+    ``number`` 0 is the sensor of the loop; 1, 2, ... are those at
+    ``tip_sensor.more_locations``, see `further_sensors`.
     """
 
-    def __init__(self, config: RunConfig) -> None:
+    def __init__(self, config: RunConfig, number: int = 0) -> None:
         parameters, timeline = config.tip_sensor, Timeline.of(config.run)
         check_location(config)
-        self._point = make_point(
-            config.plant, parameters.location, parameters.measurand == "elastic"
-        )
+        places = (parameters.location, *(parameters.more_locations or ()))
+        self._point = make_point(config.plant, places[number], parameters.measurand == "elastic")
         self._latency = _Latency(
             "tip_sensor", parameters.latency, timeline.period_ns, parameters.latency_model
         )
-        self._noise = Noise(config.run.seed, "tip_sensor")
+        self._noise = Noise(config.run.seed, f"tip_sensor{number or ''}")
         self._every = ticks_per_sample(parameters.rate, timeline.period_ns)
         self.noise_std = parameters.noise_std
         self._held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
@@ -179,6 +181,12 @@ class TipSensor:
         return self._held
 
 
+def further_sensors(config: RunConfig) -> tuple[TipSensor, ...]:
+    """Return the sensors at ``tip_sensor.more_locations``, in that order."""
+    count = len(config.tip_sensor.more_locations or ())
+    return tuple(TipSensor(config, number) for number in range(1, count + 1))
+
+
 def ticks_per_sample(rate: float, period_ns: int) -> int:
     """Return the whole number of ticks between samples at ``rate`` Hz; 1 for 0.
 
@@ -197,11 +205,14 @@ def ticks_per_sample(rate: float, period_ns: int) -> int:
 
 
 def check_location(config: RunConfig) -> None:
-    """Raise ``ValueError`` where the tip sensor is not between elbow and tip."""
+    """Raise ``ValueError`` where a tip sensor is not between elbow and tip."""
     # As decimals: 0.7 + 0.1 is 0.8, which it is not in binary floating point.
     low, beyond = (Decimal(repr(length)) for length in config.plant.length)
-    location = Decimal(repr(config.tip_sensor.location))
-    if not low <= location <= low + beyond:
-        raise ValueError(
-            f"tip_sensor.location: {location} m, allowed: {low} (elbow) to {low + beyond} m (tip)"
-        )
+    places = [("location", config.tip_sensor.location)]
+    places += [("more_locations", place) for place in config.tip_sensor.more_locations or ()]
+    for key, place in places:
+        location = Decimal(repr(place))
+        if not low <= location <= low + beyond:
+            raise ValueError(
+                f"tip_sensor.{key}: {location} m, allowed: {low} (elbow) to {low + beyond} m (tip)"
+            )

@@ -35,6 +35,12 @@ READERS: dict[str, tuple[str, ...]] = {
 }
 """Topic -> roles that read it; order of a reader's inputs is the order in which it waits."""
 
+
+def readers(topic: str) -> tuple[str, ...]:
+    """Return the roles that read ``topic``; what is not in `READERS` is for the record only."""
+    return READERS.get(topic, ("recorder",))
+
+
 RECORDED_TOPIC = "lockstep/recorded"
 """std_msgs/UInt64 from the recorder: ticks that are whole in the bag."""
 
@@ -62,4 +68,4 @@ def qos_profile(qos: Qos) -> QoSProfile:
 
 def reads(role: str, topic: Topic) -> bool:
     """Whether ``role`` reads ``topic``."""
-    return role in READERS[topic.name]
+    return role in readers(topic.name)

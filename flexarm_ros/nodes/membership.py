@@ -9,7 +9,7 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
 from flexarm_ros.nodes.epochs import epoch_of
-from flexarm_ros.nodes.graph import OUTPUT, READERS, ROLES
+from flexarm_ros.nodes.graph import OUTPUT, READERS, ROLES, readers
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.status import Board, Phase, Status
 
@@ -198,7 +198,7 @@ class Membership:
 
     def _output_matched(self, output: Any) -> bool:
         """Whether the readers are there, and the middleware has connected as many as it sees."""
-        roles = [r for r in READERS[output.topic.name] if r in self.required()]
+        roles = [r for r in readers(output.topic.name) if r in self.required()]
         endpoints = self._me.get_subscriptions_info_by_topic(output.publisher.topic_name)
         for role in roles:
             if role in self.foreign:
@@ -214,7 +214,7 @@ class Membership:
             qos_check_compatible(mine, e.qos_profile)[0] is not QoSCompatibility.ERROR
             for e in endpoints
         )
-        return bool(output.publisher.get_subscription_count() >= able > 0)
+        return bool(output.publisher.get_subscription_count() >= able >= min(1, len(roles)))
 
     # --- while it runs -------------------------------------------------------------------
 

@@ -67,11 +67,7 @@ class Participant(Node):
         self.outputs: dict[str, Output] = {}
         self.side_inputs: list[ProgressInput | ChangesInput] = []
         self.side_outputs: list[ProgressOutput] = []
-        for topic in per_tick_topics(self.config):
-            if topic.node == self.ROLE:
-                self.outputs[topic.name] = Output(self, topic)
-            elif reads(self.ROLE, topic):
-                self.inputs[topic.name] = Input(self, topic)
+        self._make_endpoints()
         self.membership = Membership(self, self.board)
         self.epochs = Epochs(self)
         self.live = LiveParameters(self)
@@ -85,6 +81,14 @@ class Participant(Node):
         """An exception in a service's callback, from the thread that serves them."""
         self.board.publish(parameters=self.membership.own_parameters())
         self.diagnostics = Diagnostics(self)
+
+    def _make_endpoints(self) -> None:
+        """Make those that the scenario asks for and that are not there yet."""
+        for topic in per_tick_topics(self.config):
+            if topic.node == self.ROLE and topic.name not in self.outputs:
+                self.outputs[topic.name] = Output(self, topic)
+            elif reads(self.ROLE, topic) and topic.name not in self.inputs:
+                self.inputs[topic.name] = Input(self, topic)
 
     # --- what a subclass provides -------------------------------------------------
 
@@ -210,6 +214,7 @@ class Participant(Node):
         if not self.membership.built:
             self.config = self.membership.config
             self.timeline = Timeline.of(self.config.run)
+            self._make_endpoints()  # another node may have asked for more
             for topic in per_tick_topics(self.config):
                 for entries in (self.inputs, self.outputs):
                     if topic.name in entries:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.bag.topics import COMMAND, per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import dump_sections
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
@@ -32,7 +32,7 @@ class ControllerSeat:
         self, player: PlayerNode, config: RunConfig, limit_s: float, stopped: Callable[[], bool]
     ) -> None:
         self._player, self._limit, self._stopped = player, limit_s, stopped
-        self._topic = per_tick_topics(config)[-1]
+        self._topic = per_tick_topics(config)[COMMAND]
         self._kind = message_class(self._topic.type_name)
         self._subscription = player.create_subscription(
             self._kind, self._topic.name, lambda _: None, qos_profile(self._topic.qos),

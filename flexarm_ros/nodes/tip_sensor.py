@@ -7,37 +7,47 @@ from typing import ClassVar
 
 import numpy as np
 
-from flexarm_ros.bag.topics import TIP, per_tick_topics
+from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.sensors import TipSensor
+from flexarm_ros.core.sensors import TipSensor, further_sensors
 from flexarm_ros.nodes.participant import Participant
 
 
 class TipSensorNode(Participant):
-    """Answers each plant state with the measured point, late by the latency."""
+    """Answers each plant state with the measured point, late by the latency.
+
+    Those at ``tip_sensor.more_locations`` answer behind it, when the loop has its own.
+    """
 
     ROLE: ClassVar[str] = "tip_sensor"
 
     def build(self) -> None:
-        """Make the sensor."""
-        self._sensor = TipSensor(self.config)
+        """Make the sensors."""
+        self._sensors = (TipSensor(self.config), *further_sensors(self.config))
         self._state = self.inputs["plant/state"]
-        self._measured = self.outputs["tip_sensor/odometry"]
-        self._measured.configure(per_tick_topics(self.config)[TIP], self.timeline)
+        self._measured = list(self.outputs.values())
+        self._configure(self.config)
         self._n = 2 + 2 * self.config.plant.modes
 
     def rehearse(self) -> None:
         """Compile before the run."""
-        copy.deepcopy(self._sensor).measure(0, np.zeros(self._n), np.zeros(self._n))
+        for sensor in copy.deepcopy(self._sensors):
+            sensor.measure(0, np.zeros(self._n), np.zeros(self._n))
 
     def check_live(self, config: RunConfig) -> None:
         """Raise ValueError for a latency beyond the history that is kept."""
-        self._sensor.check_latency(config.tip_sensor.latency)
+        self._sensors[0].check_latency(config.tip_sensor.latency)
 
     def retune(self, config: RunConfig) -> None:
-        """Let the sensor take latency and noise; its messages tell the variance."""
-        self._sensor.retune(config)
-        self._measured.configure(per_tick_topics(config)[TIP], self.timeline)
+        """Let the sensors take latency and noise; their messages tell the variance."""
+        for sensor in self._sensors:
+            sensor.retune(config)
+        self._configure(config)
+
+    def _configure(self, config: RunConfig) -> None:
+        for topic in per_tick_topics(config):
+            if topic.name in self.outputs:
+                self.outputs[topic.name].configure(topic, self.timeline)
 
     def advance(self) -> bool:
         """Measure the state of this tick."""
@@ -45,7 +55,9 @@ class TipSensorNode(Participant):
             return False
         state = np.array(self._state.values)
         n = self._n
-        self._measured.send(*self._sensor.measure(self.tick, state[:n], state[n + 2 : 2 * n + 2]))
+        q, qd = state[:n], state[n + 2 : 2 * n + 2]
+        for sensor, output in zip(self._sensors, self._measured, strict=True):
+            output.send(*sensor.measure(self.tick, q, qd))
         self.tick += 1
         self.check_end()
         return True
