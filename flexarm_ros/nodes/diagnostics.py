@@ -47,10 +47,7 @@ class Diagnostics:
     def _status(self) -> DiagnosticStatus:
         me = self._me
         values = {**self._progress(), "rejected messages": str(me.invalid)}
-        phase, waits = me.board.mine.phase, ""
-        if phase is Phase.RUNNING and me.idle_s() > PERIOD_S:
-            blame, owed = me.waiting_for()
-            waits = f"waiting for {blame}: {owed}" if blame else ""
+        phase, waits = me.board.mine.phase, me.missing
         values["missing"] = waits
         if me.ROLE == "plant":
             values.update(self._participants())

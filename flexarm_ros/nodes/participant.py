@@ -25,6 +25,8 @@ from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
 _JOIN_INTERVAL_S = 0.02
 _STALL_S = 0.5
 _FLUSH_S = 4.0
+_SLOW_S = 1.0
+"""Wall time of a tick from which on diagnostics tell what it waits for."""
 
 
 def describe(error: BaseException) -> str:
@@ -74,6 +76,8 @@ class Participant(Node):
         self.tick = 0
         self.last_tick: int | None = None
         self._moved = self._ready_at = self._looked = time.monotonic()
+        self.missing = ""
+        """What a tick that takes long is waiting for, for people; set by the lock-step loop."""
         self.longest_wait_s = 0.0
         """Longest wall time without progress since somebody set this to zero."""
         self._closed = False
@@ -251,6 +255,7 @@ class Participant(Node):
         if self.finished:
             return
         self.membership.watch(now)
+        self.missing = ""
         paused = plant is not None and plant.phase is Phase.PAUSED
         pace = float(plant.extra.get("pace_s", "0")) if plant is not None else 0.0
         limit = self.config.run.tick_timeout + self.patience_s() + pace
@@ -262,8 +267,16 @@ class Participant(Node):
             self._moved = now
         elif paused or self.board.mine.phase is Phase.PAUSED:
             self._moved = now
-        elif now - self._moved > limit:
-            blame, owed = self.waiting_for()
+        else:
+            self._check_answer(now - self._moved, limit)
+
+    def _check_answer(self, idle: float, limit: float) -> None:
+        """Say what a slow tick is waiting for, and end the run where it is too slow."""
+        if idle <= min(_SLOW_S, limit):
+            return
+        blame, owed = self.waiting_for()
+        self.missing = f"waiting for {blame}: {owed}" if blame else ""
+        if idle > limit:
             raise RunFailed(
                 blame, f"tick {self.tick}: {owed} within {self.config.run.tick_timeout:g} s"
             )
@@ -282,10 +295,6 @@ class Participant(Node):
         knows which sensor is silent, the plant only that there is no torque.
         """
         return 0.5
-
-    def idle_s(self) -> float:
-        """Return the wall time since this node made progress, s."""
-        return time.monotonic() - self._moved
 
     # --- leaving --------------------------------------------------------------------
 
