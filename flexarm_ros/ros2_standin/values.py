@@ -85,7 +85,7 @@ def field(message: Any, path: str) -> Any:
 
 
 def fill(message: Any, values: Any) -> None:
-    """Set the fields of a message from parsed YAML; RuntimeError naming a field that is wrong."""
+    """Set the fields of a message from parsed YAML; RuntimeError where one is wrong."""
     for name, value in (values or {}).items():
         try:
             current = getattr(message, name)
@@ -96,4 +96,4 @@ def fill(message: Any, values: Any) -> None:
                 number = wanted in (float, int) and isinstance(value, float | int)
                 setattr(message, name, wanted(value) if number else value)
         except (AssertionError, AttributeError, TypeError) as error:
-            raise RuntimeError(f"Failed to populate field: {name}: {error}") from None
+            raise RuntimeError(f"Failed to populate field: {error}") from None
