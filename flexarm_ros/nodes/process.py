@@ -14,6 +14,7 @@ from typing import Any
 import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from flexarm_ros.nodes.lockstep import connect, spin
@@ -59,6 +60,9 @@ def run_process(name: str, argv: list[str]) -> int:
     except ScenarioError as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
+    except _rclpy.RCLError as error:  # DDS-Security asked for where Fast DDS has none, say
+        print(f"{name}: {' '.join(str(error).split())[:400]}", file=sys.stderr)
+        return 1
     finally:
         rclpy.try_shutdown()
 
