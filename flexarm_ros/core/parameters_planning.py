@@ -69,7 +69,7 @@ class PlanningParameters:
         key="lqg.tip_weight", low=1e-6, high=1e12,
     )  # fmt: skip
     lqg_integral_weight: float = _key(
-        3e3, "float", "1/(m^2 s^3)", "regulator's weight of its integral",
+        1e5, "float", "1/(m^2 s^3)", "regulator's weight of its integral",
         key="lqg.integral_weight", low=0.0, high=1e12,
     )  # fmt: skip
     lqg_torque_weight: float = _key(
@@ -77,7 +77,7 @@ class PlanningParameters:
         key="lqg.torque_weight", low=0.0, high=1e6,
     )  # fmt: skip
     lqg_rate_weight: float = _key(
-        1e-5, "float", "s/(N m)^2", "regulator's weight of that torque's rate",
+        1e-4, "float", "s/(N m)^2", "regulator's weight of that torque's rate",
         key="lqg.rate_weight", low=1e-12, high=1e6,
     )  # fmt: skip
     lqg_angle_std: float = _key(
