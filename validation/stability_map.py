@@ -41,7 +41,7 @@ FLS_GAINS = (2.5, 5.0, 7.5)
 LEAST_GAIN = 0.05
 """Gain of (20) from which the search for the largest stable one starts."""
 
-SWEEPS = ("map", "slow", "hub", "correction", "hub_elastic")
+SWEEPS = ("map", "slow", "hub", "correction", "hub_elastic", "laws")
 KEPT = ("outcome", "unstable_tick", "rms_error", "max_error", "tip_rms_error", "tip_max_error",
         "max_overshoot", "max_deflection", "max_torque", "overshoot[0]", "overshoot[1]",
         "overshoot[2]")  # fmt: skip

@@ -208,6 +208,21 @@ def model_lines() -> Lines:
     )
 
 
+def laws_lines() -> Lines:
+    """The laws that see the true point, rms / largest error of the tip over place and delay."""
+    rows = read("laws")
+    head = [f"{1e3 * float(x):g} ms" for x in dict.fromkeys(r[LATENCY] for r in rows)]
+
+    def cells() -> Iterator[tuple[str, ...]]:
+        for (name, place), group in grouped(rows, "scenario", PLACE):
+            yield (f"`{name}`", place, *(
+                f"{1e3 * float(r['tip_rms_error']):.1f} / {1e3 * float(r['tip_max_error']):.1f}"
+                if r["outcome"] == "stable" else "unstable" for r in group
+            ))  # fmt: skip
+
+    return table(("scenario", "sensor, m", *head), cells())
+
+
 def growth_lines() -> Lines:
     """Growth rates of loops that see the true point."""
     rows = [r for r in read("growth") if float(r["location_m"]) % 0.75 == 0.0]
@@ -227,6 +242,6 @@ def write(page: Path = PAGE) -> Path:
     put(page, {
         "boundary": boundary_lines(), "outcome": outcome_lines(), "effect": effect_lines(),
         "correction": correction_lines(), "hub": hub_lines(), "agreement": agreement_lines(),
-        "speed": speed_lines(), "model": model_lines(), "growth": growth_lines(),
+        "speed": speed_lines(), "model": model_lines(), "growth": growth_lines(), "laws": laws_lines(),
     })  # fmt: skip
     return page
