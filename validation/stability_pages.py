@@ -242,6 +242,7 @@ def write(page: Path = PAGE) -> Path:
     put(page, {
         "boundary": boundary_lines(), "outcome": outcome_lines(), "effect": effect_lines(),
         "correction": correction_lines(), "hub": hub_lines(), "agreement": agreement_lines(),
-        "speed": speed_lines(), "model": model_lines(), "growth": growth_lines(), "laws": laws_lines(),
+        "speed": speed_lines(), "model": model_lines(), "growth": growth_lines(),
+        "laws": laws_lines(),
     })  # fmt: skip
     return page
