@@ -142,3 +142,13 @@ def test_a_law_with_a_memory_gives_the_same_bytes_in_nodes(tmp_path: Path) -> No
         first = (tmp_path / "nodes" / file).read_bytes()
         assert first == (tmp_path / "one" / file).read_bytes()
         assert first == (tmp_path / "none" / file).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("period_ns", "ticks"),
+    [(100_000, 256), (1_000_000, 250), (10_000_000, 25), (1_000_000_000, 16)],
+)
+def test_a_killed_recorder_can_lose_a_quarter_of_a_second(period_ns: int, ticks: int) -> None:
+    from flexarm_ros.nodes.plant import recorder_window
+
+    assert recorder_window(period_ns) == ticks

@@ -16,8 +16,17 @@ from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.run_control import FASTEST, MOST_STEPS, RunControl
 from flexarm_ros.nodes.status import Phase
 
-RECORDER_WINDOW = 512
+RECORDER_WINDOW = 256
 """Ticks that the plant may be ahead of the recorder, well below the topics' depth."""
+
+_RECORDER_WINDOW_NS = 250_000_000
+"""The same in simulated time: with a chunk of 0.2 s, a killed recorder loses 0.5 s at the most."""
+_LEAST_WINDOW = 16
+
+
+def recorder_window(period_ns: int) -> int:
+    """Return how many ticks of ``period_ns`` the plant may be ahead of the recorder."""
+    return min(RECORDER_WINDOW, max(_LEAST_WINDOW, _RECORDER_WINDOW_NS // period_ns))
 
 
 class PlantNode(Participant):
@@ -59,6 +68,7 @@ class PlantNode(Participant):
         self._time = self.outputs["/clock"]
         self._state = self.outputs["plant/state"]
         self._missing = self._command
+        self._window = recorder_window(self.timeline.period_ns)
         self._sent = False
         self._reported_hold = False
 
@@ -139,9 +149,9 @@ class PlantNode(Participant):
         """Whether the next tick must wait: for the launcher, the recorder, the wall clock."""
         if self._holds and self.tick >= self._holds[0]:
             return self._held_by_launcher()
-        if self.config.run.record and self.tick - self._recorded.ticks >= RECORDER_WINDOW:
+        if self.config.run.record and self.tick - self._recorded.ticks >= self._window:
             self._recorded.update()
-            if self.tick - self._recorded.ticks >= RECORDER_WINDOW:
+            if self.tick - self._recorded.ticks >= self._window:
                 return True
         return not self.control.may_begin(self.tick)
 
