@@ -71,6 +71,7 @@ EXTRAS = {
         # Another multibody code, in tests and `make validate` only; it has wheels for these alone.
         "exudyn; platform_machine == 'x86_64' and python_version < '3.14'",
         "colcon-common-extensions",  # the tests install the package as a full ROS 2 does
+        "distributed",  # else the test of a Dask cluster is skipped
         "hypothesis",
         "mypy",
         "pyarrow",  # else the tests of Parquet files are skipped
