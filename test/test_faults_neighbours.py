@@ -1,0 +1,51 @@
+"""Neighbours: two runs at once, nodes that come a minute late."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from nodetools import ROLES, ROOT, finish, flexarm, start_node, write_scenario
+
+pytestmark = pytest.mark.nodes
+
+
+def test_two_runs_at_once_do_not_meet(tmp_path: Path) -> None:
+    runs = {
+        name: subprocess.Popen(
+            [sys.executable, "-m", "flexarm_ros.cli", "run", name, "--set", "duration=0.3",
+             "--no-pictures", "--out", str(tmp_path / name)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+        )
+        for name in ("pd_tip", "fls_mid")
+    }  # fmt: skip
+    texts = finish(list(runs.values()), 120.0)
+    assert [run.returncode for run in runs.values()] == [0, 0], texts
+    domains = {re.findall(r"ROS_DOMAIN_ID=(\d+)", text)[0] for text in texts}
+    assert len(domains) == 2
+    for name in runs:
+        out = tmp_path / f"{name}-simulated"
+        words = ("--set", "duration=0.3", "--no-pictures", "--out", out)
+        assert flexarm("simulate", name, *words).returncode == 0
+        mcap = "bag/bag_0.mcap"
+        assert (tmp_path / name / mcap).read_bytes() == (out / mcap).read_bytes()
+
+
+@pytest.mark.slow
+def test_nodes_that_come_a_minute_apart(tmp_path: Path, ros_domain: int) -> None:
+    """The limit on joining counts from the last newcomer: each may be almost a minute late."""
+    file = write_scenario(tmp_path / "s.yaml", "pd_tip", "duration=0.3", "start_timeout=70")
+    nodes = [start_node(role, file) for role in ("controller", "plant")]
+    with pytest.raises(subprocess.TimeoutExpired):
+        nodes[0].wait(60.0)  # it waits, which is what is tested
+    rest = [role for role in ROLES if role not in ("controller", "plant")]
+    out = ["-p", f"output:={tmp_path / 'run'}"]
+    nodes += [start_node(role, file, *(out if role == "recorder" else [])) for role in rest]
+    texts = finish(nodes, 120.0)
+    assert [node.returncode for node in nodes] == [0] * len(nodes), texts
+    assert flexarm("simulate", file, "--no-pictures", "--out", tmp_path / "sim").returncode == 0
+    csv = "trajectory.csv"
+    assert (tmp_path / "run" / csv).read_bytes() == (tmp_path / "sim" / csv).read_bytes()
