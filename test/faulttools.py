@@ -19,7 +19,6 @@ from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.launcher import litter, processes, run
 from flexarm_ros.launcher.faults import FaultPlan
-from flexarm_ros.nodes.graph import TICK_EVERY
 from flexarm_ros.nodes.plant import RECORDER_WINDOW
 from flexarm_ros.nodes.trajectory import AHEAD
 from flexarm_ros.scenario.suite import Fault
@@ -149,8 +148,9 @@ def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
            "exit": "ended with exit status 0", "pause": "within"}  # fmt: skip
     assert why[fault] in said
     named = int(said.split()[2].rstrip(":"))
-    # The plant's state of a tick is out before its own turn comes again.
-    ahead = {"plant": 1, "trajectory": AHEAD + TICK_EVERY, "recorder": RECORDER_WINDOW}.get(role, 0)
+    # The plant's state of a tick is out before its own turn comes again. The trajectory publishes
+    # AHEAD ticks beyond what it heard of, and the plant flies AHEAD ticks at most beyond that.
+    ahead = {"plant": 1, "trajectory": 2 * AHEAD, "recorder": RECORDER_WINDOW}.get(role, 0)
     unread = UNREAD_TICKS if fault in ("exit", "kill") else 0
     assert tick - max(ahead, unread) <= named <= min(tick + ahead, TICKS), said
     lost = CHUNK_TICKS if (role, fault) == ("recorder", "kill") else 0

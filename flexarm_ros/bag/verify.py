@@ -130,15 +130,14 @@ class _Run:
         self._loop = None if skip else ClosedLoop(reader.config)
         self._agenda = Agenda(reader.config.changes)
         self._last = -1
-        self._incomplete = ""
+        self._incomplete: list[str] = []
+        """Ticks without all messages since the last whole one: the ragged end of a run, maybe."""
         self.counts = [0] * len(reader.topics)
 
     def walk(self) -> None:
         """Compare tick after tick; raises BagContentError where the bag makes no sense."""
         before: Tick | None = None
         for tick, messages in self._reader.ticks():
-            if self._incomplete:  # in the very last tick that is no fault
-                self._verdict.faults.append(self._incomplete)
             if tick != self._last + 1:
                 self._skip_to(tick)
                 before = None
@@ -180,8 +179,12 @@ class _Run:
             self.counts[i] += data is not None
             if data is None:
                 missing.append(self._topics[i].path)
-        self._verdict.ticks += not missing
-        self._incomplete = f"tick {tick}: no message on {', '.join(missing)}" if missing else ""
+        if missing:
+            self._incomplete.append(f"tick {tick}: no message on {', '.join(missing)}")
+            return
+        self._verdict.ticks += 1
+        self._verdict.faults += self._incomplete
+        self._incomplete.clear()
 
     def _skip_to(self, tick: int) -> None:
         first = self._last + 1
@@ -200,7 +203,7 @@ class _Run:
             verdict.faults.append("no message in it: nothing is proved")
             return
         if self._incomplete:
-            verdict.notes.append(self._incomplete)
+            verdict.notes += self._incomplete
         elif self._last + 1 == verdict.planned:
             return
         elif loop is not None and loop.k == self._last + 1 and loop.tick() is None:

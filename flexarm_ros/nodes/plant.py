@@ -149,15 +149,20 @@ class PlantNode(Participant):
         """Whether the next tick must wait: for the launcher, the recorder, the wall clock."""
         if self._holds and self.tick >= self._holds[0]:
             return self._held_by_launcher()
-        if self.config.run.record and self.tick - self._recorded.ticks >= self._window:
-            self._recorded.update()
-            if self.tick - self._recorded.ticks >= self._window:
-                return True
-        return not self.control.may_begin(self.tick)
+        return self._ahead_of_recorder(self._window) or not self.control.may_begin(self.tick)
+
+    def _ahead_of_recorder(self, ticks: int) -> bool:
+        """Whether so many ticks, or more, are out that are not in the bag."""
+        if not self.config.run.record or self.tick - self._recorded.ticks < ticks:
+            return False
+        self._recorded.update()
+        return self.tick - self._recorded.ticks >= ticks
 
     def _held_by_launcher(self) -> bool:
         """Report once that the tick is reached, then wait for the launcher's SIGUSR1."""
         if not self._reported_hold:
+            if self._ahead_of_recorder(1):
+                return True  # what a node has sent is on record before anything happens to it
             self._reported_hold = True
             self.released = False
             self.supervisor.report(self.ROLE, phase="held", tick=self.tick)
