@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import threading
+import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -70,7 +72,12 @@ def no_leftovers() -> Iterator[None]:
 
 def expect_no_leftovers() -> None:
     """End the processes that the tests have started and that still run; fail if there are any."""
+    deadline = time.monotonic() + 10.0
     left = leftovers()
+    # Chromium's crash handler notices only after a moment that its browser has gone.
+    while any("crashpad" in line for line in left.values()) and time.monotonic() < deadline:
+        threading.Event().wait(0.05)
+        left = leftovers()
     for pid in left:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
