@@ -295,3 +295,10 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert "no bag in it" in err
+
+
+def test_a_topic_that_is_missing_throughout_is_no_ragged_end(tmp_path: Path) -> None:
+    silent = write_messages(tmp_path / "a", CONFIG, lambda k, t, data: None if t == STATE else data)
+    verdict = verify(silent)
+    assert not verdict.same
+    assert verdict.faults[0] == "tick 0: no message on /plant/state"

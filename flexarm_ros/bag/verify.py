@@ -119,6 +119,10 @@ class _Comparison:
         return "padding", "other bytes", "zeros"
 
 
+_RAGGED_TICKS = 256
+"""Ticks at the end of a run that broke off which may lack messages: the recorder's queue."""
+
+
 class _Run:
     """Walks through a bag once, computing everything anew beside it."""
 
@@ -203,6 +207,10 @@ class _Run:
             verdict.faults.append("no message in it: nothing is proved")
             return
         if self._incomplete:
+            whole_run = self._last + 1 == verdict.planned
+            if whole_run or not verdict.ticks or len(self._incomplete) > _RAGGED_TICKS:
+                verdict.faults += self._incomplete[:-1]
+                del self._incomplete[:-1]
             verdict.notes += self._incomplete
         elif self._last + 1 == verdict.planned:
             return
