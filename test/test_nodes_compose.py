@@ -78,3 +78,21 @@ def test_who_speaks_in_anothers_place_is_noticed(
         assert done[0].returncode == 0, done[0].stderr
         log = (tmp_path / "run" / "logs" / "compose.log").read_text()
         assert "invalid messages, last on joint_command" in log
+
+
+def test_another_arms_clock_is_passed_over_while_the_nodes_join(
+    tmp_path: Path, ros_domain: int, rclpy_node
+) -> None:
+    from rosgraph_msgs.msg import Clock
+
+    node, executor = rclpy_node
+    clock = node.create_publisher(Clock, "/clock", 10)
+    done: list = []
+    run = composed(tmp_path / "run", done, "--set", "duration=0.1")
+    try:
+        while run.is_alive():
+            executor.spin_once(timeout_sec=0.002)
+            clock.publish(Clock())
+    finally:
+        run.join(120)
+    assert done[0].returncode == 0, done[0].stderr

@@ -57,7 +57,8 @@ def test_two_arms_fly_in_lockstep_each(
 
         def all_told() -> bool:
             executor.spin_once(timeout_sec=0.1)
-            assert all(process.poll() in (None, 0) for process in processes)
+            ended = [process for process in processes if process.poll() not in (None, 0)]
+            assert not ended, [process.communicate()[0] for process in ended]
             return all(
                 any(value(s, "phase") == "running" for s in told.get(name, [])) for name in names
             )

@@ -102,6 +102,9 @@ class Input:
         self.accepted: bytes | None = None
         self.source = topic.node
         self._rising = False
+        # /clock is every arm's of a graph; the others are this run's alone.
+        alone = not topic.name.startswith("/")
+        self._unwanted = f"a publisher that is not this run's {topic.node}" if alone else ""
         self.reset()
 
     def reset(self) -> None:
@@ -119,9 +122,6 @@ class Input:
         self._decode = topic.codec.decode_any
         self._stamp_ns = timeline.stamp_ns
         self._exact = topic.node not in SENSORS
-        # /clock is every arm's of a graph; the others are this run's alone.
-        alone = not topic.name.startswith("/")
-        self._unwanted = f"a publisher that is not this run's {topic.node}" if alone else ""
 
     def drain(self) -> None:
         """Throw away what is in the queue and expect tick 0 next."""
