@@ -1,49 +1,63 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The nodes in lock-step: beside the floor, composed, and where the time goes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import json
+from pathlib import Path
+from statistics import median
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
-from pathlib import Path
-from statistics import median
 
-from bench.launch import LIMIT_S, Cost, MeasurementFailed, floor, nodes
-from bench.table import Part, Ratio, markdown
+from bench.launch import Cost, floor, LIMIT_S, MeasurementFailed, nodes
+from bench.table import markdown, Part, Ratio
 
 TICKS = 4000
 ROUNDS = 5
 WHOLE_S = 16
 
 _NAMES = {
-    "wait set": "executor: waiting on the wait set",
-    "loop of the nodes": "executor: the nodes' own loop",
-    "serialization": "serialization (CDR to bytes and back)",
-    "DDS hop": "DDS hop: publish and take",
-    "DDS threads": "DDS hop: the middleware's own threads",
-    "physics and control": "physics, sensors, reference and control law",
-    "recording": "recording (collecting, compressing, writing)",
+    'wait set': 'executor: waiting on the wait set',
+    'loop of the nodes': "executor: the nodes' own loop",
+    'serialization': 'serialization (CDR to bytes and back)',
+    'DDS hop': 'DDS hop: publish and take',
+    'DDS threads': "DDS hop: the middleware's own threads",
+    'physics and control': 'physics, sensors, reference and control law',
+    'recording': 'recording (collecting, compressing, writing)',
 }
 
 
 def measure() -> Part:
     """Run floor, nodes and composed nodes in turn, several times, then the whole run."""
     ways: dict[str, Callable[[], Cost]] = {
-        "floor": lambda: floor(TICKS),
-        "run": lambda: nodes(TICKS),
-        "compose": lambda: nodes(TICKS, compose=True),
+        'floor': lambda: floor(TICKS),
+        'run': lambda: nodes(TICKS),
+        'compose': lambda: nodes(TICKS, compose=True),
     }
     found: dict[str, list[Cost]] = {name: [] for name in ways}
     for _ in range(ROUNDS):
         for name, way in ways.items():
             found[name].append(_again(way))
-    tutorial = _again(lambda: floor(TICKS // 4, "executor"))
+    tutorial = _again(lambda: floor(TICKS // 4, 'executor'))
     traced = _again(lambda: nodes(TICKS, traced=True))
-    whole = {"run": _whole(), "run --compose": _whole("--compose")}
+    whole = {'run': _whole(), 'run --compose': _whole('--compose')}
     return Part(
-        "distributed", _ratios(found, whole, tutorial), [_costs(found, tutorial), _shares(traced)]
+        'distributed', _ratios(found, whole, tutorial), [_costs(found, tutorial), _shares(traced)]
     )
 
 
@@ -52,57 +66,60 @@ def _again(way: Callable[[], Cost]) -> Cost:
     try:
         return way()
     except (MeasurementFailed, subprocess.TimeoutExpired) as error:
-        print(f"bench: again, {error}", file=sys.stderr)
+        print(f'bench: again, {error}', file=sys.stderr)
         return way()
 
 
 def _whole(*words: str) -> float:
     """Fly the paper's square as a user does and return the real-time factor it says."""
-    with tempfile.TemporaryDirectory(prefix="flexarm-bench-") as folder:
-        out = Path(folder) / "run"
-        command = [sys.executable, "-m", "flexarm_ros.cli", "run", "fls_tip", "--no-pictures",
-                   "--set", f"duration={WHOLE_S}", "--out", str(out), *words]  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix='flexarm-bench-') as folder:
+        out = Path(folder) / 'run'
+        command = [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', '--no-pictures',
+                   '--set', f'duration={WHOLE_S}', '--out', str(out), *words]  # fmt: skip
         subprocess.run(command, check=True, capture_output=True, timeout=2 * LIMIT_S)
-        return float(json.loads((out / "summary.json").read_text(encoding="utf-8"))["rtf"])
+        return float(json.loads((out / 'summary.json').read_text(encoding='utf-8'))['rtf'])
 
 
 def _ratios(found: dict[str, list[Cost]], whole: dict[str, float], tutorial: Cost) -> list[Ratio]:
-    wall = [r.wall_us / f.wall_us for r, f in zip(found["run"], found["floor"], strict=True)]
-    cpu = [r.cpu_us / f.cpu_us for r, f in zip(found["run"], found["floor"], strict=True)]
-    run, bare = found["run"], found["floor"]
+    wall = [r.wall_us / f.wall_us for r, f in zip(found['run'], found['floor'], strict=True)]
+    cpu = [r.cpu_us / f.cpu_us for r, f in zip(found['run'], found['floor'], strict=True)]
+    run, bare = found['run'], found['floor']
     best = {name: max(cost.rtf() for cost in costs) for name, costs in found.items()}
     ratios = [
         Ratio(
             "a full tick, six processes / the floor's, processor time",
-            f"{median(c.cpu_us for c in run):.0f} us", f"{median(c.cpu_us for c in bare):.0f} us",
-            median(cpu), 1.3, False, f"median of {ROUNDS} pairs, {TICKS} ticks each",
+            f'{median(c.cpu_us for c in run):.0f} us', f'{median(c.cpu_us for c in bare):.0f} us',
+            median(cpu), 1.3, False, f'median of {ROUNDS} pairs, {TICKS} ticks each',
         ),
         Ratio(
             "a full tick, six processes / the floor's, wall time",
-            f"{median(c.wall_us for c in run):.0f} us", f"{median(c.wall_us for c in bare):.0f} us",
-            median(wall), 1.3, False, f"median of {ROUNDS} pairs, {TICKS} ticks each",
+            f'{median(c.wall_us for c in run):.0f} us', f'{median(c.wall_us for c in bare):.0f} us',
+            median(wall), 1.3, False, f'median of {ROUNDS} pairs, {TICKS} ticks each',
         ),
         Ratio(
-            "plain rclpy (executor, message objects, empty callbacks) / ours, processor time",
-            f"{median(c.cpu_us for c in run):.0f} us", f"{tutorial.cpu_us:.0f} us",
+            'plain rclpy (executor, message objects, empty callbacks) / ours, processor time',
+            f'{median(c.cpu_us for c in run):.0f} us', f'{tutorial.cpu_us:.0f} us',
             tutorial.cpu_us / median(c.cpu_us for c in run), None, True,
-            f"one run of {TICKS // 4} ticks",
+            f'one run of {TICKS // 4} ticks',
         ),
     ]  # fmt: skip
-    for name, key, goals in (("run", "run", (1.5, 2.5)), ("run --compose", "compose", (4.0, 10.0))):
+    for name, key, goals in (
+        ('run', 'run', (1.5, 2.5)),
+        ('run --compose', 'compose', (4.0, 10.0)),
+    ):
         ratios += [
             Ratio(
-                f"`flexarm {name} fls_tip`: simulated / wall time", f"{WHOLE_S} s",
-                f"{WHOLE_S / whole[name]:.1f} s", whole[name], goal, True,
-                "one whole run, recorder on",
+                f'`flexarm {name} fls_tip`: simulated / wall time', f'{WHOLE_S} s',
+                f'{WHOLE_S / whole[name]:.1f} s', whole[name], goal, True,
+                'one whole run, recorder on',
             )
             for goal in goals
         ]  # fmt: skip
         ratios.append(
             Ratio(
-                f"the same of {TICKS} ticks by hand", f"{TICKS / 1000:g} s",
-                f"{TICKS / 1000 / best[key]:.2f} s", best[key], goals[1], True,
-                f"best of {ROUNDS}",
+                f'the same of {TICKS} ticks by hand', f'{TICKS / 1000:g} s',
+                f'{TICKS / 1000 / best[key]:.2f} s', best[key], goals[1], True,
+                f'best of {ROUNDS}',
             )
         )  # fmt: skip
     return ratios
@@ -110,22 +127,22 @@ def _ratios(found: dict[str, list[Cost]], whole: dict[str, float], tutorial: Cos
 
 def _costs(found: dict[str, list[Cost]], tutorial: Cost) -> str:
     """Return what a tick costs in each way, and in each process."""
-    roles = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+    roles = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
     ways = [
-        ("six processes", found["run"]), ("floor", found["floor"]),
-        ("plain rclpy, empty callbacks", [tutorial]), ("composed", found["compose"]),
+        ('six processes', found['run']), ('floor', found['floor']),
+        ('plain rclpy, empty callbacks', [tutorial]), ('composed', found['compose']),
     ]  # fmt: skip
     rows = []
     for name, costs in ways:
         each = [median(c.roles.get(role, 0.0) for c in costs) for role in roles]
         rows.append(
             (
-                name, f"{median(c.wall_us for c in costs):.0f}",
-                f"{min(c.wall_us for c in costs):.0f}", f"{median(c.cpu_us for c in costs):.0f}",
-                *(f"{value:.0f}" if value else "" for value in each),
+                name, f'{median(c.wall_us for c in costs):.0f}',
+                f'{min(c.wall_us for c in costs):.0f}', f'{median(c.cpu_us for c in costs):.0f}',
+                *(f'{value:.0f}' if value else '' for value in each),
             )
         )  # fmt: skip
-    head = ("us a tick", "wall, median", "wall, best", "processor, median", *roles)
+    head = ('us a tick', 'wall, median', 'wall, best', 'processor, median', *roles)
     return markdown(head, rows)
 
 
@@ -133,8 +150,8 @@ def _shares(cost: Cost) -> str:
     """Return the share of each part of a full tick, six processes."""
     total = sum(cost.parts.values())
     rows = [
-        (text, f"{cost.parts[part]:.0f}", f"{100 * cost.parts[part] / total:.0f} %")
+        (text, f'{cost.parts[part]:.0f}', f'{100 * cost.parts[part] / total:.0f} %')
         for part, text in _NAMES.items()
     ]
-    rows.append(("all, timing of the calls included", f"{total:.0f}", "100 %"))
-    return markdown(("part of a tick, six processes", "processor time, us", "share"), rows)
+    rows.append(('all, timing of the calls included', f'{total:.0f}', '100 %'))
+    return markdown(('part of a tick, six processes', 'processor time, us', 'share'), rows)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The floor: the same nodes, topics, types and sizes in lock-step, with empty callbacks.
 
 ``python -m bench.floor ROLE TICKS MODE`` is one process of it.  ``MODE``:
@@ -12,33 +26,32 @@ all its endpoints are connected, begins when it reads a line, and prints its cos
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import json
 import os
 import sys
 import time
-from collections.abc import Callable
 from typing import Any
 
+from flexarm_ros import scenario
+from flexarm_ros.bag.topics import per_tick_topics, Topic
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.graph import (
+    message_class,
+    qos_profile,
+    readers,
+    reads,
+    TICK_EVERY,
+    TICK_TOPIC,
+)
+from flexarm_ros.nodes.trajectory import AHEAD
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import UInt64
 
-from flexarm_ros import scenario
-from flexarm_ros.bag.topics import Topic, per_tick_topics
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import (
-    TICK_EVERY,
-    TICK_TOPIC,
-    message_class,
-    qos_profile,
-    readers,
-    reads,
-)
-from flexarm_ros.nodes.trajectory import AHEAD
-
-ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 _RECORDER_NAP_NS = 20_000_000
 _LIMIT_S = 60.0
 
@@ -55,15 +68,15 @@ class Skeleton(Node):
         self.count: dict[str, int] = {}
         self.moved: Callable[[], None] = lambda: None
         self._endpoints: list[tuple[Callable[[], int], int]] = []
-        for topic in per_tick_topics(scenario.load("fls_tip")):
+        for topic in per_tick_topics(scenario.load('fls_tip')):
             if topic.node == role:
                 self._add_output(topic, executor)
             elif reads(role, topic):
                 self._add_input(topic, executor)
-        if role == "plant":
+        if role == 'plant':
             self.reached = self.create_publisher(UInt64, TICK_TOPIC, 1)
             self._endpoints.append((self.reached.get_subscription_count, 1))
-        if role == "trajectory":
+        if role == 'trajectory':
             took = self.create_subscription(
                 UInt64, TICK_TOPIC, self._at_tick, 1, callback_group=None if executor else HOT
             )
@@ -112,10 +125,10 @@ class Skeleton(Node):
 
 
 INPUTS = {
-    "plant": ["joint_command"],
-    "encoder": ["plant/state"],
-    "tip_sensor": ["plant/state"],
-    "controller": ["tip_sensor/odometry", "joint_states", "plant/state", "reference"],
+    'plant': ['joint_command'],
+    'encoder': ['plant/state'],
+    'tip_sensor': ['plant/state'],
+    'controller': ['tip_sensor/odometry', 'joint_states', 'plant/state', 'reference'],
 }
 """What a role waits for at each tick, the last to come first."""
 
@@ -123,19 +136,19 @@ INPUTS = {
 def raw(node: Skeleton, role: str) -> None:
     """Drive a role over one wait set, with serialized bytes."""
     waiter = Waiter(node.context)
-    if role == "recorder":
+    if role == 'recorder':
         _record(node, waiter)
-    elif role == "trajectory":
+    elif role == 'trajectory':
         _refer(node, waiter)
     else:
         for tick in range(node.ticks):
-            if role == "plant":
+            if role == 'plant':
                 _begin(node, tick)
             for name in INPUTS[role]:
                 while node.count[name] <= tick:
                     if not node.take(name):
                         waiter.wait([node.handles[name]], int(_LIMIT_S * 1e9))
-            if role != "plant":
+            if role != 'plant':
                 next(iter(node.publish.values()))()
 
 
@@ -143,8 +156,8 @@ def _begin(node: Skeleton, tick: int) -> None:
     """Publish what a plant does at the start of a tick."""
     if tick % TICK_EVERY == 0:
         node.reached.publish(UInt64(data=tick))
-    node.publish["plant/state"]()
-    node.publish["/clock"]()
+    node.publish['plant/state']()
+    node.publish['/clock']()
 
 
 def _record(node: Skeleton, waiter: Waiter) -> None:
@@ -176,55 +189,55 @@ def _refer(node: Skeleton, waiter: Waiter) -> None:
 
 def by_executor(node: Skeleton, role: str, executor: SingleThreadedExecutor) -> None:
     """Drive a role by callbacks of an executor."""
-    state = {"tick": 0, "sent": False, "done": 0}
+    state = {'tick': 0, 'sent': False, 'done': 0}
 
     def moved() -> None:
-        if role == "trajectory":
+        if role == 'trajectory':
             until = min(node.plant_tick + AHEAD, node.ticks)
-            for _ in range(state["done"], until):
-                node.publish["reference"]()
-            state["tick"] = state["done"] = until
+            for _ in range(state['done'], until):
+                node.publish['reference']()
+            state['tick'] = state['done'] = until
             return
-        while state["tick"] < node.ticks:
-            if role == "plant" and not state["sent"]:
-                _begin(node, state["tick"])
-                state["sent"] = True
-            if min(node.count.values()) <= state["tick"]:
+        while state['tick'] < node.ticks:
+            if role == 'plant' and not state['sent']:
+                _begin(node, state['tick'])
+                state['sent'] = True
+            if min(node.count.values()) <= state['tick']:
                 return
-            if role in ("encoder", "tip_sensor", "controller"):
+            if role in ('encoder', 'tip_sensor', 'controller'):
                 next(iter(node.publish.values()))()
-            state["sent"] = False
-            state["tick"] += 1
+            state['sent'] = False
+            state['tick'] += 1
 
     node.moved = moved
     moved()
     deadline = time.monotonic() + _LIMIT_S
-    while state["tick"] < node.ticks and time.monotonic() < deadline:
+    while state['tick'] < node.ticks and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=1.0)
 
 
 def main(role: str, ticks: int, mode: str) -> int:
     """Run one process of the floor."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     rclpy.init(args=[])
-    node = Skeleton(role, ticks, mode == "executor")
+    node = Skeleton(role, ticks, mode == 'executor')
     executor = SingleThreadedExecutor()
-    if mode == "executor":
+    if mode == 'executor':
         executor.add_node(node)
     deadline = time.monotonic() + _LIMIT_S
     while not node.connected():
         if time.monotonic() > deadline:
             return 1
         time.sleep(0.02)
-    print("ready", flush=True)
+    print('ready', flush=True)
     sys.stdin.readline()
     start, cpu = time.monotonic(), time.process_time()
-    if mode == "executor":
+    if mode == 'executor':
         by_executor(node, role, executor)
     else:
         raw(node, role)
     wall, cpu = time.monotonic() - start, time.process_time() - cpu
-    print(json.dumps({"role": role, "wall_s": wall, "cpu_s": cpu, "ticks": ticks}), flush=True)
+    print(json.dumps({'role': role, 'wall_s': wall, 'cpu_s': cpu, 'ticks': ticks}), flush=True)
     sys.stdin.readline()  # leave together: a publisher that goes takes its last messages along
     executor.shutdown()
     node.destroy_node()
@@ -232,5 +245,5 @@ def main(role: str, ticks: int, mode: str) -> int:
     return 0
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     sys.exit(main(sys.argv[1], int(sys.argv[2]), sys.argv[3]))

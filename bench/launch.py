@@ -1,17 +1,31 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Starting the processes that are measured, and what they cost."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import contextlib
+from dataclasses import dataclass, field
 import json
 import os
+from pathlib import Path
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
@@ -19,7 +33,7 @@ from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.litter import Litter
 from flexarm_ros.launcher.run import ROLES
 
-PLAIN = "FLEXARM_BENCH_PLAIN"
+PLAIN = 'FLEXARM_BENCH_PLAIN'
 """In the environment of `bench.traced`: nothing is to be timed but the whole."""
 
 LIMIT_S = 180.0
@@ -59,9 +73,9 @@ def processes(
     with reserved_domain() as domain, contextlib.ExitStack() as stack:
         environment = {
             **os.environ,
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            **options.pop("env", {}),
+            'ROS_DOMAIN_ID': str(domain),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            **options.pop('env', {}),
         }
         started: dict[str, Any] = {}
         litter = Litter()
@@ -82,17 +96,17 @@ def processes(
         yield started, environment
 
 
-def floor(ticks: int, mode: str = "raw") -> Cost:
+def floor(ticks: int, mode: str = 'raw') -> Cost:
     """Run the floor; see `bench.floor`."""
     commands = {
-        role: [sys.executable, "-m", "bench.floor", role, str(ticks), mode] for role in ROLES
+        role: [sys.executable, '-m', 'bench.floor', role, str(ticks), mode] for role in ROLES
     }
     with processes(commands, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as (started, _):
         for name, process in started.items():
-            if process.stdout.readline() != "ready\n":
-                raise MeasurementFailed(f"floor: {name} did not start")
+            if process.stdout.readline() != 'ready\n':
+                raise MeasurementFailed(f'floor: {name} did not start')
         for process in reversed(started.values()):  # the plant comes last: it makes the first move
-            process.stdin.write("go\n")
+            process.stdin.write('go\n')
             process.stdin.flush()
         lines = {name: process.stdout.readline() for name, process in started.items()}
         for process in started.values():
@@ -104,56 +118,56 @@ def floor(ticks: int, mode: str = "raw") -> Cost:
     try:
         facts = {name: json.loads(line) for name, line in lines.items()}
     except ValueError:
-        raise MeasurementFailed(f"floor ({mode}): a process did not finish") from None
-    roles = {name: fact["cpu_s"] / ticks * 1e6 for name, fact in facts.items()}
-    return Cost(facts["plant"]["wall_s"] / ticks * 1e6, sum(roles.values()), {}, roles)
+        raise MeasurementFailed(f'floor ({mode}): a process did not finish') from None
+    roles = {name: fact['cpu_s'] / ticks * 1e6 for name, fact in facts.items()}
+    return Cost(facts['plant']['wall_s'] / ticks * 1e6, sum(roles.values()), {}, roles)
 
 
 def nodes(ticks: int, traced: bool = False, compose: bool = False) -> Cost:
     """Run the real nodes by hand, recorder included, with their costs told by themselves."""
-    with tempfile.TemporaryDirectory(prefix="flexarm-bench-") as folder:
+    with tempfile.TemporaryDirectory(prefix='flexarm-bench-') as folder:
         there = Path(folder)
-        params = there / "scenario.yaml"
-        params.write_text(_scenario(ticks), encoding="utf-8")
-        out = there / "run"
-        names = ["compose"] if compose else list(ROLES)
+        params = there / 'scenario.yaml'
+        params.write_text(_scenario(ticks), encoding='utf-8')
+        out = there / 'run'
+        names = ['compose'] if compose else list(ROLES)
         commands = {
             name: [
-                sys.executable, "-m", "bench.traced", name, str(there / f"{name}.json"),
-                "--ros-args", "--params-file", str(params),
-                *(["-p", f"recorder:output:={out}"] if name in ("recorder", "compose") else []),
+                sys.executable, '-m', 'bench.traced', name, str(there / f'{name}.json'),
+                '--ros-args', '--params-file', str(params),
+                *(['-p', f'recorder:output:={out}'] if name in ('recorder', 'compose') else []),
             ]
             for name in names
         }  # fmt: skip
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        plain = {} if traced else {PLAIN: "1"}
+        quiet = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL}
+        plain = {} if traced else {PLAIN: '1'}
         with processes(commands, env=plain, **quiet) as (started, _):
             deadline = time.monotonic() + LIMIT_S
             for process in started.values():
                 process.wait(max(0.0, deadline - time.monotonic()))
         facts = {}
         for name in names:
-            told = there / f"{name}.json"
+            told = there / f'{name}.json'
             if not told.exists():
-                raise MeasurementFailed(f"{name} did not finish")
-            facts[name] = json.loads(told.read_text(encoding="utf-8"))
-    lead = facts["plant" if not compose else "compose"]
-    roles = {name: fact["cpu_s"] / ticks * 1e6 for name, fact in facts.items()}
-    return Cost(lead["wall_s"] / ticks * 1e6, sum(roles.values()), _parts(facts, ticks), roles)
+                raise MeasurementFailed(f'{name} did not finish')
+            facts[name] = json.loads(told.read_text(encoding='utf-8'))
+    lead = facts['plant' if not compose else 'compose']
+    roles = {name: fact['cpu_s'] / ticks * 1e6 for name, fact in facts.items()}
+    return Cost(lead['wall_s'] / ticks * 1e6, sum(roles.values()), _parts(facts, ticks), roles)
 
 
 def _parts(facts: dict[str, dict], ticks: int) -> dict[str, float]:
     """Return the parts of all processes, in us of processor time a tick."""
     total: dict[str, float] = {}
     for fact in facts.values():
-        for part, seconds in fact["parts"].items():
+        for part, seconds in fact['parts'].items():
             total[part] = total.get(part, 0.0) + seconds
-        rest = fact["thread_s"] - sum(fact["parts"].values())
-        total["loop of the nodes"] = total.get("loop of the nodes", 0.0) + rest
-        threads = fact["cpu_s"] - fact["thread_s"]
-        total["DDS threads"] = total.get("DDS threads", 0.0) + threads
+        rest = fact['thread_s'] - sum(fact['parts'].values())
+        total['loop of the nodes'] = total.get('loop of the nodes', 0.0) + rest
+        threads = fact['cpu_s'] - fact['thread_s']
+        total['DDS threads'] = total.get('DDS threads', 0.0) + threads
     return {part: seconds / ticks * 1e6 for part, seconds in total.items()}
 
 
 def _scenario(ticks: int) -> str:
-    return scenario.dump(scenario.load("fls_tip", [f"duration={ticks / 1000!r}"]))
+    return scenario.dump(scenario.load('fls_tip', [f'duration={ticks / 1000!r}']))

@@ -1,16 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The closed loop in one process: cost a tick, start-up, writing the files."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import json
+from pathlib import Path
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
-from bench.table import Part, Ratio, markdown
+from bench.table import markdown, Part, Ratio
 from flexarm_ros import scenario
 from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.core.loop import ClosedLoop
@@ -55,48 +69,48 @@ def loop_us(config: RunConfig, blocks: bool = False, ticks: int = TICKS) -> tupl
 
 def measure() -> Part:
     """Time the loop by itself, over modes, and the start."""
-    config = scenario.load("fls_tip")
+    config = scenario.load('fls_tip')
     wall, cpu = loop_us(config)
     _, blocks = loop_us(config, blocks=True)
     start_wall, start_cpu = start_up()
     whole = whole_simulation()
     text = (
-        f"`flexarm simulate fls_tip` (16 s, no pictures): {whole['wall_s']:.2f} s of wall time "
-        f"from the first tick to the last with the bag written beside ({whole['rtf']:.0f} times "
+        f'`flexarm simulate fls_tip` (16 s, no pictures): {whole["wall_s"]:.2f} s of wall time '
+        f'from the first tick to the last with the bag written beside ({whole["rtf"]:.0f} times '
         f"real time), {whole['all_s']:.2f} s from the shell's prompt back to it, start-up, "
-        f"`trajectory.csv` and `summary.json` included. The loop alone takes {cpu:.1f} us of "
-        f"processor time a tick, with the messages of a tick collected for the bag {blocks:.1f} us."
+        f'`trajectory.csv` and `summary.json` included. The loop alone takes {cpu:.1f} us of '
+        f'processor time a tick, with the messages of a tick collected for the bag {blocks:.1f} us.'
     )
     ratios = [
         Ratio(
-            "`simulate`, one mode a link, in the loop: simulated / processor time", "1000 us",
-            f"{cpu:.1f} us", 1000.0 / cpu, 50.0, True,
-            f"best of {ROUNDS}, {TICKS} ticks; by wall time {1000.0 / wall:.0f}",
+            '`simulate`, one mode a link, in the loop: simulated / processor time', '1000 us',
+            f'{cpu:.1f} us', 1000.0 / cpu, 50.0, True,
+            f'best of {ROUNDS}, {TICKS} ticks; by wall time {1000.0 / wall:.0f}',
         ),
         Ratio(
-            "start-up, import to first tick, warm caches / 1.5 s", f"{start_wall:.2f} s", "1.5 s",
+            'start-up, import to first tick, warm caches / 1.5 s', f'{start_wall:.2f} s', '1.5 s',
             start_wall / 1.5, 1.0, False,
-            f"best of {ROUNDS}; {start_cpu:.2f} s of processor time",
+            f'best of {ROUNDS}; {start_cpu:.2f} s of processor time',
         ),
     ]  # fmt: skip
-    return Part("loop", ratios, [text, _modes()])
+    return Part('loop', ratios, [text, _modes()])
 
 
 def _modes() -> str:
     rows = []
-    for model in ("eq14", "full"):
+    for model in ('eq14', 'full'):
         for modes in MODES:
             config = scenario.load(
-                "fls_full" if model == "full" else "fls_tip", [f"plant.modes={modes}"]
+                'fls_full' if model == 'full' else 'fls_tip', [f'plant.modes={modes}']
             )
             wall, cpu = loop_us(config, ticks=1000)
             steps = ClosedLoop(config).plant.substeps
             rows.append(
-                (f"`{model}`", f"{modes}", f"{steps}", f"{wall:.1f}", f"{cpu:.1f}",
-                 f"{1000.0 / cpu:.0f}")
+                (f'`{model}`', f'{modes}', f'{steps}', f'{wall:.1f}', f'{cpu:.1f}',
+                 f'{1000.0 / cpu:.0f}')
             )  # fmt: skip
-    head = ("model", "modes a link", "integrator steps", "wall, us a tick",
-            "processor, us a tick", "times real time (processor)")  # fmt: skip
+    head = ('model', 'modes a link', 'integrator steps', 'wall, us a tick',
+            'processor, us a tick', 'times real time (processor)')  # fmt: skip
     return markdown(head, rows)
 
 
@@ -105,7 +119,7 @@ def start_up() -> tuple[float, float]:
     found = []
     for _ in range(ROUNDS + 1):  # the first may have to fill the caches
         done = subprocess.run(
-            [sys.executable, "-c", _START], capture_output=True, text=True, check=True, timeout=120
+            [sys.executable, '-c', _START], capture_output=True, text=True, check=True, timeout=120
         )
         wall, cpu = done.stdout.split()
         found.append((float(wall), float(cpu)))
@@ -114,12 +128,12 @@ def start_up() -> tuple[float, float]:
 
 def whole_simulation(words: Sequence[str] = ()) -> dict[str, float]:
     """Run ``flexarm simulate fls_tip`` and return what it says and what it took."""
-    with tempfile.TemporaryDirectory(prefix="flexarm-bench-") as folder:
-        out = Path(folder) / "run"
-        command = [sys.executable, "-m", "flexarm_ros.cli", "simulate", "fls_tip",
-                   "--no-pictures", "--out", str(out), *words]  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix='flexarm-bench-') as folder:
+        out = Path(folder) / 'run'
+        command = [sys.executable, '-m', 'flexarm_ros.cli', 'simulate', 'fls_tip',
+                   '--no-pictures', '--out', str(out), *words]  # fmt: skip
         start = time.perf_counter()
         subprocess.run(command, check=True, capture_output=True, timeout=300)
         all_s = time.perf_counter() - start
-        told = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    return {"wall_s": told["wall_s"], "rtf": told["rtf"], "all_s": all_s}
+        told = json.loads((out / 'summary.json').read_text(encoding='utf-8'))
+    return {'wall_s': told['wall_s'], 'rtf': told['rtf'], 'all_s': all_s}

@@ -1,21 +1,34 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The fuzzy system beside scikit-fuzzy, the plant's step beside SciPy and Exudyn."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
+import time
 from typing import Any
 
+from bench.table import markdown, Part, Ratio
+from flexarm_ros import scenario
+from flexarm_ros.core.fls import fls_lambda
+from flexarm_ros.core.fls_definition import build, INPUTS, OUTPUT
+from flexarm_ros.core.plant import make_plant
+from flexarm_ros.core.plant_eq14 import _acceleration, Eq14Matrices
 import numpy as np
 from scipy.integrate import solve_ivp
 from skfuzzy import control
-
-from bench.table import Part, Ratio, markdown
-from flexarm_ros import scenario
-from flexarm_ros.core.fls import fls_lambda
-from flexarm_ros.core.fls_definition import INPUTS, OUTPUT, build
-from flexarm_ros.core.plant import make_plant
-from flexarm_ros.core.plant_eq14 import Eq14Matrices, _acceleration
 
 SECONDS = 1.0
 TORQUE = (60.0, -20.0)
@@ -39,19 +52,23 @@ def measure() -> Part:
     ratios += scipy_ratios
     text = [
         markdown(
-            ("one second of motion, constant torque, by", "error at its end", "processor time, ms"),
+            (
+                'one second of motion, constant torque, by',
+                'error at its end',
+                'processor time, ms',
+            ),
             rows,
         )
     ]
     try:
         from bench import exudyn_step
     except ImportError:
-        text.append("Exudyn is not installed here, so it is not compared.")
+        text.append('Exudyn is not installed here, so it is not compared.')
     else:
         ratio, table = exudyn_step.measure()
         ratios.append(ratio)
         text.append(table)
-    return Part("models", ratios, text)
+    return Part('models', ratios, text)
 
 
 def _fuzzy() -> Ratio:
@@ -72,18 +89,18 @@ def _fuzzy() -> Ratio:
 
     worst = max(abs(x - y) for x, y in zip(slow(), fast(), strict=False))
     if worst > 1e-6:
-        raise ArithmeticError(f"the fuzzy systems differ by {worst}")
+        raise ArithmeticError(f'the fuzzy systems differ by {worst}')
     theirs, ours = best(slow, 3) / len(points), best(fast) / len(points) / 200
     return Ratio(
-        "scikit-fuzzy's `compute` / our evaluation", f"{ours * 1e6:.2f} us",
-        f"{theirs * 1e3:.1f} ms", theirs / ours, 1000.0, True,
-        f"{len(points)} points, the same values to {worst:.0e}; processor time, best of 3 and of 5",
+        "scikit-fuzzy's `compute` / our evaluation", f'{ours * 1e6:.2f} us',
+        f'{theirs * 1e3:.1f} ms', theirs / ours, 1000.0, True,
+        f'{len(points)} points, the same values to {worst:.0e}; processor time, best of 3 and of 5',
     )  # fmt: skip
 
 
 def _steps() -> tuple[list[Ratio], list[tuple[str, ...]]]:
     """Compare RK4 in the plant with solve_ivp on the same compiled right-hand side."""
-    config = scenario.load("pd_tip")
+    config = scenario.load('pd_tip')
     plant = make_plant(config)
     matrices, size = Eq14Matrices(config.plant), len(plant.q)
     start = np.concatenate([plant.q, plant.qd])
@@ -116,26 +133,28 @@ def _steps() -> tuple[list[Ratio], list[tuple[str, ...]]]:
             state = found.y[:, -1]
         return state
 
-    exact = once("DOP853", 1e-13)
+    exact = once('DOP853', 1e-13)
     error = _error(ours(), exact)
     wall = best(ours)
-    rows = [("our plant, a step of RK4 a tick", f"{error:.1e}", f"{wall * 1e3:.2f}")]
+    rows = [('our plant, a step of RK4 a tick', f'{error:.1e}', f'{wall * 1e3:.2f}')]
     ratios = []
-    for method in ("RK45", "DOP853"):
+    for method in ('RK45', 'DOP853'):
         tolerance = next(
-            t for t in 10.0 ** -np.arange(3.0, 13.0, 0.5) if _error(once(method, t), exact) <= error
+            t
+            for t in 10.0 ** -np.arange(3.0, 13.0, 0.5)
+            if _error(once(method, t), exact) <= error
         )
         reached = _error(once(method, tolerance), exact)
         theirs = best(lambda m=method, t=tolerance: once(m, t), 3)
         stepped = best(lambda m=method, t=tolerance: tick_by_tick(m, t), 2) * ticks / 100
         name = f"SciPy's `solve_ivp`, {method}, rtol {tolerance:.0e}"
-        rows.append((f"{name}, in one call", f"{reached:.1e}", f"{theirs * 1e3:.2f}"))
-        rows.append((f"{name}, tick by tick", "", f"{stepped * 1e3:.0f}"))
+        rows.append((f'{name}, in one call', f'{reached:.1e}', f'{theirs * 1e3:.2f}'))
+        rows.append((f'{name}, tick by tick', '', f'{stepped * 1e3:.0f}'))
         ratios.append(
             Ratio(
-                f"`solve_ivp` ({method}) / our plant, one second at equal error",
-                f"{wall * 1e3:.2f} ms", f"{theirs * 1e3:.2f} ms", theirs / wall, None, True,
-                "in one call, which a control loop cannot have; processor time, best of 3",
+                f'`solve_ivp` ({method}) / our plant, one second at equal error',
+                f'{wall * 1e3:.2f} ms', f'{theirs * 1e3:.2f} ms', theirs / wall, None, True,
+                'in one call, which a control loop cannot have; processor time, best of 3',
             )
         )  # fmt: skip
     return ratios, rows

@@ -1,18 +1,32 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a measurement gives back, and how it is printed."""
 
 from __future__ import annotations
 
-import os
-import platform
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
+import os
 from pathlib import Path
+import platform
+import sys
 
 _PACKAGES = (
-    "flexarm_ros", "numpy", "numba", "scipy", "scikit-fuzzy", "mcap", "rclpy", "ros-fastdds",
-    "exudyn", "distributed",
+    'flexarm_ros', 'numpy', 'numba', 'scipy', 'scikit-fuzzy', 'mcap', 'rclpy', 'ros-fastdds',
+    'exudyn', 'distributed',
 )  # fmt: skip
 
 
@@ -29,22 +43,22 @@ class Ratio:
     value: float
     goal: float | None = None
     least: bool = True
-    how: str = ""
+    how: str = ''
 
     @property
     def verdict(self) -> str:
         """``yes``, ``no``, or nothing where there is no goal."""
         if self.goal is None:
-            return ""
+            return ''
         met = self.value >= self.goal if self.least else self.value <= self.goal
-        return "yes" if met else "no"
+        return 'yes' if met else 'no'
 
     @property
     def aim(self) -> str:
         """The goal as text."""
         if self.goal is None:
-            return ""
-        return f"{'at least' if self.least else 'at most'} {self.goal:g}"
+            return ''
+        return f'{"at least" if self.least else "at most"} {self.goal:g}'
 
 
 @dataclass
@@ -59,18 +73,18 @@ class Part:
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a Markdown table; every column but the first is a number, to the right."""
-    lines = [f"| {' | '.join(head)} |", "|---" + "|---:" * (len(head) - 1) + "|"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+    lines = [f'| {" | ".join(head)} |', '|---' + '|---:' * (len(head) - 1) + '|']
+    return '\n'.join([*lines, *(f'| {" | ".join(row)} |' for row in rows)])
 
 
 def summary(parts: Sequence[Part]) -> str:
     """Return the one table of ratios."""
     rows = [
-        (r.what, r.ours, r.beside, f"{r.value:.3g}", r.aim, r.verdict, r.how)
+        (r.what, r.ours, r.beside, f'{r.value:.3g}', r.aim, r.verdict, r.how)
         for part in parts
         for r in part.ratios
     ]
-    head = ("what", "ours", "beside", "ratio", "goal", "met", "how")
+    head = ('what', 'ours', 'beside', 'ratio', 'goal', 'met', 'how')
     return markdown(head, rows)
 
 
@@ -78,25 +92,25 @@ def machine() -> str:
     """Return what the figures were measured on, and with."""
     cores = len(os.sched_getaffinity(0))
     load = os.getloadavg()[0]
-    busy = "" if load < 0.5 else " (busy: figures of wall time are those of a loaded machine)"
+    busy = '' if load < 0.5 else ' (busy: figures of wall time are those of a loaded machine)'
     versions = []
     for package in _PACKAGES:
         try:
-            versions.append(f"{package} {metadata.version(package)}")
+            versions.append(f'{package} {metadata.version(package)}')
         except metadata.PackageNotFoundError:
-            versions.append(f"{package} not installed")
+            versions.append(f'{package} not installed')
     return (
-        f"{_cpu()}, {cores} cores for this process, load {load:.1f} at the start{busy}; "
-        f"{platform.system()} {platform.release()}, Python {sys.version.split()[0]}; "
-        + ", ".join(versions)
-        + "."
+        f'{_cpu()}, {cores} cores for this process, load {load:.1f} at the start{busy}; '
+        f'{platform.system()} {platform.release()}, Python {sys.version.split()[0]}; '
+        + ', '.join(versions)
+        + '.'
     )
 
 
 def _cpu() -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
     except OSError:
         return platform.machine()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
     return names[0] if names else platform.machine()

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One node of a real run with its costs told: ``python -m bench.traced ROLE OUT ...``.
 
 Counts the processor time from the first tick to the last of this process and of the thread that
@@ -7,12 +21,12 @@ drives the lock-step, and by wrapping the calls in question what part each has i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import json
 import os
+from pathlib import Path
 import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from bench.launch import PLAIN
@@ -61,14 +75,14 @@ class Meter:
         """Write what has been used since the start; the last node's word stands."""
         wall, cpu, thread = (b - a for a, b in zip(self._start, self._now(), strict=True))
         parts = {part: (ns - self._parts[part]) * 1e-9 for part, ns in PARTS.items()}
-        facts = {"wall_s": wall, "cpu_s": cpu, "thread_s": thread, "ticks": node.tick}
-        self._out.write_text(json.dumps({**facts, "parts": parts}), encoding="utf-8")
+        facts = {'wall_s': wall, 'cpu_s': cpu, 'thread_s': thread, 'ticks': node.tick}
+        self._out.write_text(json.dumps({**facts, 'parts': parts}), encoding='utf-8')
 
 
 def hook(meter: Meter, role: str) -> None:
     """Let every participant of this process tell the meter when it begins and ends."""
     drive, finish = participant.Participant.drive, participant.Participant.finish
-    moves = 2 if role == "trajectory" else 1  # its first move comes before tick 0
+    moves = 2 if role == 'trajectory' else 1  # its first move comes before tick 0
 
     def driven(self: participant.Participant) -> bool:
         nonlocal moves
@@ -80,7 +94,7 @@ def hook(meter: Meter, role: str) -> None:
         return moved
 
     def finishing(self: participant.Participant) -> None:
-        if self.ROLE in (role, "plant"):
+        if self.ROLE in (role, 'plant'):
             meter.end(self)
         finish(self)
 
@@ -91,14 +105,14 @@ def hook(meter: Meter, role: str) -> None:
 def wrap() -> None:
     """Time the calls of the hot path, each as a part of its own."""
     for owner, name, part in (
-        (endpoints.Waiter, "wait", "wait set"),
-        (Eq14Plant, "step", "physics and control"),
-        (sensors.Encoder, "measure", "physics and control"),
-        (sensors.TipSensor, "measure", "physics and control"),
-        (Reference, "command", "physics and control"),
-        (control.LAWS["pd"], "torque", "physics and control"),
-        (control.LAWS["fls"], "torque", "physics and control"),
-        (BagWriter, "write", "recording"),
+        (endpoints.Waiter, 'wait', 'wait set'),
+        (Eq14Plant, 'step', 'physics and control'),
+        (sensors.Encoder, 'measure', 'physics and control'),
+        (sensors.TipSensor, 'measure', 'physics and control'),
+        (Reference, 'command', 'physics and control'),
+        (control.LAWS['pd'], 'torque', 'physics and control'),
+        (control.LAWS['fls'], 'torque', 'physics and control'),
+        (BagWriter, 'write', 'recording'),
     ):
         setattr(owner, name, timed(getattr(owner, name), part))
     configure_output, configure_input = lockstep.Output.configure, lockstep.Input.configure
@@ -106,16 +120,16 @@ def wrap() -> None:
 
     def output(self: Any, *args: Any) -> None:
         configure_output(self, *args)
-        self._encode = timed(self._encode, "serialization")
-        self._publish = timed(self._publish, "DDS hop")
+        self._encode = timed(self._encode, 'serialization')
+        self._publish = timed(self._publish, 'DDS hop')
 
     def reader(self: Any, *args: Any) -> None:
         configure_input(self, *args)
-        self._decode = timed(self._decode, "serialization")
+        self._decode = timed(self._decode, 'serialization')
 
     def made(self: Any, *args: Any) -> None:
         make_input(self, *args)
-        self._take = timed(self._take, "DDS hop")
+        self._take = timed(self._take, 'DDS hop')
 
     lockstep.Output.configure = output  # type: ignore[method-assign]
     lockstep.Input.configure = reader  # type: ignore[method-assign]
@@ -130,5 +144,5 @@ def main(role: str, out: str, rest: list[str]) -> int:
     return process.run_process(role, rest)
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     sys.exit(main(sys.argv[1], sys.argv[2], sys.argv[3:]))

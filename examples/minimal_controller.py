@@ -1,4 +1,18 @@
 #!/usr/bin/env python3
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A controller of your own in 40 lines: PD on the joints, in lock-step with our plant.
 
     flexarm run pd_collocated --without controller &     # says its ROS_DOMAIN_ID
@@ -7,8 +21,8 @@
 Answer each plant/state with one joint_command that carries the same stamp; nothing else is asked.
 """
 
-import math
 from contextlib import suppress
+import math
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -23,13 +37,13 @@ class MinimalController(Node):
     """Holds the arm at GOAL (rad); kp in N m/rad, kd in N m s/rad."""
 
     def __init__(self) -> None:
-        super().__init__("my_controller")
-        self.torque = self.create_publisher(JointState, "joint_command", 1000)
-        self.create_subscription(JointState, "plant/state", self.answer, 1000)
+        super().__init__('my_controller')
+        self.torque = self.create_publisher(JointState, 'joint_command', 1000)
+        self.create_subscription(JointState, 'plant/state', self.answer, 1000)
 
     def answer(self, state: JointState) -> None:
         """Send the torque for the tick of this state."""
-        command = JointState(name=["shoulder", "elbow"])
+        command = JointState(name=['shoulder', 'elbow'])
         command.header.stamp = state.header.stamp
         for i in range(2):
             error = GOAL[i] - state.position[i]
@@ -37,7 +51,7 @@ class MinimalController(Node):
         self.torque.publish(command)
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     rclpy.init()
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(MinimalController())

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Show a run that goes on: ``ros2 launch flexarm_ros view.launch.py``.
 
 The viewer (markers, URDF, TF, WebSocket server) and RViz, both on simulated time where it matters.
@@ -12,12 +26,12 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-RVIZ = Path(str(files("flexarm_ros.nodes"))) / "assets" / "flexarm.rviz"
+RVIZ = Path(str(files('flexarm_ros.nodes'))) / 'assets' / 'flexarm.rviz'
 ARGUMENTS = {
-    "namespace": ("", "namespace of the arm"),
-    "rviz": ("true", "whether to start RViz"),
-    "port": ("-1", "port of the WebSocket server for Foxglove and Lichtblick; -1: none"),
-    "rate": ("30.0", "frames a second at most"),
+    'namespace': ('', 'namespace of the arm'),
+    'rviz': ('true', 'whether to start RViz'),
+    'port': ('-1', 'port of the WebSocket server for Foxglove and Lichtblick; -1: none'),
+    'rate': ('30.0', 'frames a second at most'),
 }
 
 
@@ -25,23 +39,23 @@ def generate_launch_description():
     """Return the launch description."""
     given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     viewer = Node(
-        package="flexarm_ros",
-        executable="viewer",
-        name="viewer",
-        namespace=given["namespace"],
-        ros_arguments=["-p", ["port:=", given["port"]], "-p", ["rate:=", given["rate"]]],
-        output="screen",
+        package='flexarm_ros',
+        executable='viewer',
+        name='viewer',
+        namespace=given['namespace'],
+        ros_arguments=['-p', ['port:=', given['port']], '-p', ['rate:=', given['rate']]],
+        output='screen',
     )
     # Relative names in RViz's file would follow the namespace; it has absolute ones.
-    names = ("viewer/markers", "robot_description")
+    names = ('viewer/markers', 'robot_description')
     rviz = Node(
-        package="rviz2",
-        executable="rviz2",
-        arguments=["-d", str(RVIZ)],
-        parameters=[{"use_sim_time": True}],
-        remappings=[(f"/{name}", [given["namespace"], f"/{name}"]) for name in names],
-        condition=IfCondition(given["rviz"]),
-        output="screen",
+        package='rviz2',
+        executable='rviz2',
+        arguments=['-d', str(RVIZ)],
+        parameters=[{'use_sim_time': True}],
+        remappings=[(f'/{name}', [given['namespace'], f'/{name}']) for name in names],
+        condition=IfCondition(given['rviz']),
+        output='screen',
     )
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=description)

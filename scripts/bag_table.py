@@ -1,4 +1,18 @@
 #!/usr/bin/env python3
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Measure the bag's compressions and chunk lengths; prints the table of docs/bag.md.
 
     .venv/bin/python scripts/bag_table.py [--scenario fls_tip] [--seconds 16]
@@ -12,9 +26,9 @@ from __future__ import annotations
 
 import argparse
 import gc
+from pathlib import Path
 import tempfile
 import time
-from pathlib import Path
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.simulation import loop_blocks
@@ -24,7 +38,7 @@ from flexarm_ros.core.loop import ClosedLoop
 from flexarm_ros.core.parameters import RunConfig
 
 SETTINGS = [
-    (name, chunk) for name in ("none", "lz4", "zstd") for chunk in (0.05, 0.1, 0.2, 0.5, 2.0)
+    (name, chunk) for name in ('none', 'lz4', 'zstd') for chunk in (0.05, 0.1, 0.2, 0.5, 2.0)
 ]
 ROUNDS = 3
 
@@ -63,36 +77,36 @@ def measure(
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="fls_tip")
-    parser.add_argument("--seconds", type=float, default=16.0, help="simulated (default 16)")
+    parser.add_argument('--scenario', default='fls_tip')
+    parser.add_argument('--seconds', type=float, default=16.0, help='simulated (default 16)')
     args = parser.parse_args()
-    base = [f"duration={args.seconds}"]
+    base = [f'duration={args.seconds}']
     ticks = messages_of(scenario.load(args.scenario, base))
     raw = sum(map(len, ticks[0]))
-    print(f"{args.scenario}: {len(ticks)} ticks of {len(ticks[0])} messages, {raw} bytes a tick;")
-    print(f"the best of {ROUNDS} rounds (time), the worst (longest call)\n")
-    print("| compression | chunk_time, s | CPU, us a tick | bytes a tick | longest call, ms |")
-    print("|---|---|---|---|---|")
+    print(f'{args.scenario}: {len(ticks)} ticks of {len(ticks[0])} messages, {raw} bytes a tick;')
+    print(f'the best of {ROUNDS} rounds (time), the worst (longest call)\n')
+    print('| compression | chunk_time, s | CPU, us a tick | bytes a tick | longest call, ms |')
+    print('|---|---|---|---|---|')
     default = scenario.load(args.scenario).recorder
     for compression, chunk in SETTINGS:
-        own = [f"recorder.compression={compression}", f"recorder.chunk_time={chunk}"]
+        own = [f'recorder.compression={compression}', f'recorder.chunk_time={chunk}']
         config = scenario.load(args.scenario, [*base, *own])
         found = []
         for _ in range(ROUNDS):
             gc.collect()
             with tempfile.TemporaryDirectory() as folder:
-                found.append(measure(Path(folder) / "bag", config, ticks))
+                found.append(measure(Path(folder) / 'bag', config, ticks))
         cpu, size, longest = min(f[0] for f in found), found[0][1], max(f[2] for f in found)
         mark = (
-            " (default)"
+            ' (default)'
             if (compression, chunk) == (default.compression, default.chunk_time)
-            else ""
+            else ''
         )
         print(
-            f"| {compression}{mark} | {chunk:g} | {cpu:.1f} | {size:.0f} | {longest:.1f} |",
+            f'| {compression}{mark} | {chunk:g} | {cpu:.1f} | {size:.0f} | {longest:.1f} |',
             flush=True,
         )
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     main()

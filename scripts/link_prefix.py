@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Put into a virtual environment what ``pip install -e`` leaves out of it.
 
 An editable install skips ``data_files``: the ament index marker, ``share`` and the executables of
@@ -9,12 +23,12 @@ goes into ``bin``.
 Run with the environment's own Python, after ``pip install -e``.
 """
 
+from distutils.core import run_setup  # setuptools provides it for Python 3.12 and later
 import os
+from pathlib import Path
 import shlex
 import shutil
 import sys
-from distutils.core import run_setup  # setuptools provides it for Python 3.12 and later
-from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PREFIX = Path(sys.prefix)
@@ -47,34 +61,34 @@ def remove_old(directory: Path) -> None:
 
 def link_data_files() -> None:
     """Place the package's ``data_files`` below the prefix."""
-    name = "flexarm_ros"
-    remove_old(PREFIX / "share" / name)
-    remove_old(PREFIX / "lib" / name)
-    for directory, files in run_setup(str(ROOT / "setup.py"), stop_after="init").data_files:
+    name = 'flexarm_ros'
+    remove_old(PREFIX / 'share' / name)
+    remove_old(PREFIX / 'lib' / name)
+    for directory, files in run_setup(str(ROOT / 'setup.py'), stop_after='init').data_files:
         for file in files:
             source = ROOT / file
-            place(source, PREFIX / directory / source.name, copy=directory.startswith("lib/"))
+            place(source, PREFIX / directory / source.name, copy=directory.startswith('lib/'))
 
 
 def real_ros2() -> str | None:
     """Return the path of a ``ros2`` command outside the environment, if there is one."""
-    own = (PREFIX / "bin").resolve()
+    own = (PREFIX / 'bin').resolve()
     others = [p for p in os.get_exec_path() if Path(p).resolve() != own]
-    return shutil.which("ros2", path=os.pathsep.join(others))
+    return shutil.which('ros2', path=os.pathsep.join(others))
 
 
 def place_standin() -> None:
     """Install the ``ros2`` stand-in, or remove it where the real one is."""
-    target = PREFIX / "bin" / "ros2"
+    target = PREFIX / 'bin' / 'ros2'
     if real_ros2() is not None:
         target.unlink(missing_ok=True)
         return
-    target.write_text(STANDIN.format(python=shlex.quote(str(PREFIX / "bin" / "python"))))
+    target.write_text(STANDIN.format(python=shlex.quote(str(PREFIX / 'bin' / 'python'))))
     target.chmod(0o755)
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     if sys.prefix == sys.base_prefix:
-        sys.exit(f"{sys.executable} is not of a virtual environment")
+        sys.exit(f'{sys.executable} is not of a virtual environment')
     link_data_files()
     place_standin()

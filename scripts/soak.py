@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Fly runs back to back and watch for what grows: ``make soak SOAK_MINUTES=30``.
 
 One long run comes first (a quarter of the time, ended in good order), then short ones of several
@@ -10,16 +24,16 @@ nodes leave behind.  Ends with status 1 where something grows, and writes every 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass, field
 import gc
 import hashlib
 import json
 import os
+from pathlib import Path
 import shutil
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
@@ -31,12 +45,12 @@ from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import NodeProcesses
 
 SHORT = {
-    "fls_tip": (["duration=1"], False),
-    "pd_mid_corrected, noisy": (
-        ["duration=1", "encoder.noise_std=0.0001", "tip_sensor.noise_std=0.001"], False,
+    'fls_tip': (['duration=1'], False),
+    'pd_mid_corrected, noisy': (
+        ['duration=1', 'encoder.noise_std=0.0001', 'tip_sensor.noise_std=0.001'], False,
     ),
-    "fls_full": (["duration=0.3"], False),
-    "fls_tip, one process": (["duration=1"], True),
+    'fls_full': (['duration=0.3'], False),
+    'fls_tip, one process': (['duration=1'], True),
 }  # fmt: skip
 """Name -> overrides, and whether all nodes are in one process."""
 
@@ -62,13 +76,13 @@ class Sample:
     @classmethod
     def of(cls, pid: int) -> Sample | None:
         """Return the sample of a living process, None of one that has ended."""
-        folder = Path("/proc") / str(pid)
+        folder = Path('/proc') / str(pid)
         try:
             status = dict(
-                line.split(":", 1) for line in (folder / "status").read_text().splitlines()
+                line.split(':', 1) for line in (folder / 'status').read_text().splitlines()
             )
-            handles = len(os.listdir(folder / "fd"))
-            return cls(int(status["VmRSS"].split()[0]) / 1024, int(status["Threads"]), handles)
+            handles = len(os.listdir(folder / 'fd'))
+            return cls(int(status['VmRSS'].split()[0]) / 1024, int(status['Threads']), handles)
         except (OSError, KeyError):
             return None
 
@@ -91,17 +105,17 @@ class Soak:
         """Note a fault."""
         if not fine:
             self.faults.append(text)
-            print(f"soak: {text}", flush=True)
+            print(f'soak: {text}', flush=True)
 
 
 def digest(bag: Path) -> str:
     """Return the hash of a bag's messages file."""
-    return hashlib.sha256((bag / "bag_0.mcap").read_bytes()).hexdigest()
+    return hashlib.sha256((bag / 'bag_0.mcap').read_bytes()).hexdigest()
 
 
 def shm_files() -> int:
     """Count the files of Fast DDS in shared memory, ours and others'."""
-    return sum(1 for name in os.listdir(litter.FOLDER) if "fastdds" in name)
+    return sum(1 for name in os.listdir(litter.FOLDER) if 'fastdds' in name)
 
 
 class NodeWatch(FaultPlan):
@@ -126,22 +140,22 @@ class NodeWatch(FaultPlan):
 
 def long_run(soak: Soak, folder: Path) -> None:
     """Fly one run for a quarter of the time and check every message of its bag."""
-    config = scenario.load("fls_tip", [f"duration={max(1, round(soak.seconds))}",
-                                       "trajectory.kind=hold"])  # fmt: skip
+    config = scenario.load('fls_tip', [f'duration={max(1, round(soak.seconds))}',
+                                       'trajectory.kind=hold'])  # fmt: skip
     end = time.monotonic() + soak.seconds / 4
-    out = folder / "long"
+    out = folder / 'long'
     outcome = run.run_scenario(
-        config, "long", out, run.RunOptions(), stop=lambda: time.monotonic() > end,
+        config, 'long', out, run.RunOptions(), stop=lambda: time.monotonic() > end,
         faults=NodeWatch(soak, Timeline.of(config.run)),
     )  # fmt: skip
-    soak.expect(outcome.problem in ("", "interrupted"), f"the long run: {outcome.problem}")
+    soak.expect(outcome.problem in ('', 'interrupted'), f'the long run: {outcome.problem}')
     result = verify(out)
     soak.expect(result.same, "the long run's bag does not verify")
-    soak.ticks = int(str(outcome.summary["ticks"]))
+    soak.ticks = int(str(outcome.summary['ticks']))
     for name, samples in soak.nodes.items():
         settled = samples[int(len(samples) * SETTLED_PART) : -1]
         if len(settled) > 4:
-            check_growth(soak, f"{name} in the long run", settled)
+            check_growth(soak, f'{name} in the long run', settled)
     shutil.rmtree(out)
 
 
@@ -150,26 +164,26 @@ def check_growth(soak: Soak, who: str, samples: list[Sample]) -> None:
     part = max(1, len(samples) // 4)
     first, last = samples[:part], samples[-part:]
     grown = max(s.rss_mib for s in last) - max(s.rss_mib for s in first)
-    soak.expect(grown <= GROWTH_MIB, f"{who}: {grown:.1f} MiB more resident memory")
-    for what in ("threads", "handles"):
+    soak.expect(grown <= GROWTH_MIB, f'{who}: {grown:.1f} MiB more resident memory')
+    for what in ('threads', 'handles'):
         before, after = (max(getattr(s, what) for s in group) for group in (first, last))
-        soak.expect(after <= before, f"{who}: {before} {what}, then {after}")
+        soak.expect(after <= before, f'{who}: {before} {what}, then {after}')
 
 
 def short_run(soak: Soak, folder: Path, name: str) -> None:
     """Fly one short run and compare its bag with the simulation's."""
     overrides, compose = SHORT[name]
-    config = scenario.load(name.split(",")[0], overrides)
-    key = name.split(", one")[0]
+    config = scenario.load(name.split(',')[0], overrides)
+    key = name.split(', one')[0]
     if key not in soak.hashes:
-        simulate(config, folder / "simulated", key)
-        soak.hashes[key] = digest(folder / "simulated" / "bag")
-        shutil.rmtree(folder / "simulated")
-    out = folder / "short"
+        simulate(config, folder / 'simulated', key)
+        soak.hashes[key] = digest(folder / 'simulated' / 'bag')
+        shutil.rmtree(folder / 'simulated')
+    out = folder / 'short'
     outcome = run.run_scenario(config, key, out, run.RunOptions(compose=compose))
-    soak.expect(not outcome.problem, f"{name}: {outcome.problem}")
+    soak.expect(not outcome.problem, f'{name}: {outcome.problem}')
     if not outcome.problem:
-        soak.expect(digest(out / "bag") == soak.hashes[key], f"{name}: other bytes")
+        soak.expect(digest(out / 'bag') == soak.hashes[key], f'{name}: other bytes')
     shutil.rmtree(out)
     soak.runs[name] = soak.runs.get(name, 0) + 1
 
@@ -190,7 +204,7 @@ def left_behind(soak: Soak) -> list[str]:
     again = litter.Litter()
     again.names = set(soak.memory)
     names = [name for name in again.names if (litter.FOLDER / name).exists()]
-    return [name for name in names if not litter.in_use(litter.FOLDER / (name + "_el"))]
+    return [name for name in names if not litter.in_use(litter.FOLDER / (name + '_el'))]
 
 
 def soak_for(minutes: float, folder: Path) -> Soak:
@@ -207,13 +221,13 @@ def soak_for(minutes: float, folder: Path) -> Soak:
         sample = Sample.of(os.getpid())
         if sample is not None:
             soak.launcher.append(sample)
-        print(f"soak: {sum(soak.runs.values())} runs, {sample}", flush=True)
+        print(f'soak: {sum(soak.runs.values())} runs, {sample}', flush=True)
     settled = soak.launcher[SETTLED_RUNS // len(SHORT) :]
-    soak.expect(len(settled) >= 2, "too short to tell whether the launcher grows")
+    soak.expect(len(settled) >= 2, 'too short to tell whether the launcher grows')
     if len(settled) >= 2:
-        check_growth(soak, "launcher", settled)
+        check_growth(soak, 'launcher', settled)
     left = left_behind(soak)
-    soak.expect(not left, f"left in /dev/shm: {', '.join(left[:5])}")
+    soak.expect(not left, f'left in /dev/shm: {", ".join(left[:5])}')
     return soak
 
 
@@ -224,38 +238,38 @@ def figures(soak: Soak) -> dict[str, Any]:
         settled = samples[int(len(samples) * SETTLED_PART) :] or samples
         return {
             what: [getattr(settled[0], what), getattr(settled[-1], what)]
-            for what in ("rss_mib", "threads", "handles")
+            for what in ('rss_mib', 'threads', 'handles')
         }
 
     return {
-        "minutes": round(soak.seconds / 60, 2),
-        "long_run_ticks": soak.ticks,
-        "runs": soak.runs,
-        "launcher_first_last": span(soak.launcher) if soak.launcher else None,
-        "nodes_first_last": {
+        'minutes': round(soak.seconds / 60, 2),
+        'long_run_ticks': soak.ticks,
+        'runs': soak.runs,
+        'launcher_first_last': span(soak.launcher) if soak.launcher else None,
+        'nodes_first_last': {
             name: span(samples[:-1] or samples) for name, samples in soak.nodes.items()
         },
-        "shm_files_of_our_nodes": len(soak.memory),
-        "shm_files_left_of_ours": len(left_behind(soak)),
-        "shm_files_before_after": [soak.shm_before, shm_files()],
-        "faults": soak.faults,
+        'shm_files_of_our_nodes': len(soak.memory),
+        'shm_files_left_of_ours': len(left_behind(soak)),
+        'shm_files_before_after': [soak.shm_before, shm_files()],
+        'faults': soak.faults,
     }
 
 
 def main() -> int:
     """Soak; 0 where nothing grew and every bag was as it should be."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=30.0)
-    parser.add_argument("--json", type=Path, default=Path("runs/soak.json"))
+    parser.add_argument('--minutes', type=float, default=30.0)
+    parser.add_argument('--json', type=Path, default=Path('runs/soak.json'))
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         soak = soak_for(args.minutes, Path(folder))
     told = figures(soak)
     args.json.parent.mkdir(parents=True, exist_ok=True)
-    args.json.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    args.json.write_text(json.dumps(told, indent=1) + '\n', encoding='utf-8')
     print(json.dumps(told, indent=1))
     return 1 if soak.faults else 0
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     sys.exit(main())

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Small runs for the tests of bags."""
 
 from __future__ import annotations
@@ -16,8 +30,8 @@ OPEN_LOOP = ((0.0, 1.0, -2.0), (0.1, 3.5, 0.25), (0.2, -1.0, 1e-3))
 
 
 def small_config(*overrides: str, duration: float = 0.3, chunk: float = 0.05) -> RunConfig:
-    settings = [f"duration={duration}", f"recorder.chunk_time={chunk}", *overrides]
-    return scenario.load("fls_tip", settings)
+    settings = [f'duration={duration}', f'recorder.chunk_time={chunk}', *overrides]
+    return scenario.load('fls_tip', settings)
 
 
 def write_small(directory: Path, config: RunConfig, origin: Provenance | None = None) -> Path:
@@ -25,7 +39,7 @@ def write_small(directory: Path, config: RunConfig, origin: Provenance | None = 
     with BagWriter(directory, config, origin) as writer:
         for block in loop_blocks(ClosedLoop(config)):
             writer.write_block(block)
-    return directory / "bag_0.mcap"
+    return directory / 'bag_0.mcap'
 
 
 @cache

@@ -1,38 +1,52 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Fixtures for every test: domains of their own, and no process left behind."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import contextlib
 import os
+from pathlib import Path
 import signal
 import threading
 import time
-import uuid
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
+import uuid
 
 import hypothesis
 import pytest
 
-MARK = "FLEXARM_TEST_SESSION"
+MARK = 'FLEXARM_TEST_SESSION'
 SESSION = uuid.uuid4().hex
 
 # The same examples every time; `HYPOTHESIS_PROFILE=explore` draws new ones.
-hypothesis.settings.register_profile("fixed", derandomize=True, deadline=None)
-hypothesis.settings.register_profile("explore", deadline=None, max_examples=1000)
-hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
+hypothesis.settings.register_profile('fixed', derandomize=True, deadline=None)
+hypothesis.settings.register_profile('explore', deadline=None, max_examples=1000)
+hypothesis.settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'fixed'))
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope='session', autouse=True)
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """What every test and every process that it starts sees."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(MARK, SESSION)
-        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
-        patch.setenv("MPLBACKEND", "Agg")
-        patch.delenv("ROS_DOMAIN_ID", raising=False)
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('ros_log')))
+        patch.setenv('MPLBACKEND', 'Agg')
+        patch.delenv('ROS_DOMAIN_ID', raising=False)
         yield
 
 
@@ -42,7 +56,7 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     from flexarm_ros.launcher.domains import reserved_domain
 
     with reserved_domain() as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
         yield domain
     expect_no_leftovers()
 
@@ -54,7 +68,7 @@ def rclpy_node(ros_domain: int) -> Iterator[Any]:
 
     context = rclpy.Context()
     rclpy.init(context=context)
-    node = rclpy.create_node("test_node", context=context)
+    node = rclpy.create_node('test_node', context=context)
     executor = rclpy.executors.SingleThreadedExecutor(context=context)
     executor.add_node(node)
     yield node, executor
@@ -63,7 +77,7 @@ def rclpy_node(ros_domain: int) -> Iterator[Any]:
     rclpy.shutdown(context=context)
 
 
-@pytest.fixture(scope="module", autouse=True)
+@pytest.fixture(scope='module', autouse=True)
 def no_leftovers() -> Iterator[None]:
     """Fail the module that leaves a process running."""
     yield
@@ -75,13 +89,13 @@ def expect_no_leftovers() -> None:
     deadline = time.monotonic() + 10.0
     left = leftovers()
     # Chromium's crash handler notices only after a moment that its browser has gone.
-    while any("crashpad" in line for line in left.values()) and time.monotonic() < deadline:
+    while any('crashpad' in line for line in left.values()) and time.monotonic() < deadline:
         threading.Event().wait(0.05)
         left = leftovers()
     for pid in left:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
-    assert not left, "left running: " + "; ".join(f"{pid} {line}" for pid, line in left.items())
+    assert not left, 'left running: ' + '; '.join(f'{pid} {line}' for pid, line in left.items())
 
 
 def leftovers() -> dict[int, str]:
@@ -90,19 +104,19 @@ def leftovers() -> dict[int, str]:
     The mark is inherited, so that orphans are found too; pytest itself has it in `os.environ` only,
     which does not show in ``/proc``.
     """
-    wanted = f"{MARK}={SESSION}".encode()
+    wanted = f'{MARK}={SESSION}'.encode()
     found = {}
-    for process in Path("/proc").glob("[0-9]*"):
+    for process in Path('/proc').glob('[0-9]*'):
         try:
-            if wanted not in (process / "environ").read_bytes().split(b"\0"):
+            if wanted not in (process / 'environ').read_bytes().split(b'\0'):
                 continue
-            state = (process / "stat").read_text().rpartition(")")[2].split()[0]
-            line = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            state = (process / 'stat').read_text().rpartition(')')[2].split()[0]
+            line = (process / 'cmdline').read_bytes().replace(b'\0', b' ').decode(errors='replace')
         except OSError:
             continue  # it has ended, or is somebody else's
         # Python's resource tracker, once started, stays as long as pytest does.
-        if "multiprocessing.resource_tracker" in line:
+        if 'multiprocessing.resource_tracker' in line:
             continue
-        if state not in "ZX" and int(process.name) != os.getpid():
+        if state not in 'ZX' and int(process.name) != os.getpid():
             found[int(process.name)] = line.strip()
     return found

@@ -1,18 +1,28 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Runs with a fault, and what must be true of every one of them afterwards."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 import json
+from pathlib import Path
 import sys
 import time
-from dataclasses import dataclass, field
-from pathlib import Path
 
-import pytest
 from bagtools import small_messages
-from mcap.reader import make_reader
-from rosbags.highlevel import AnyReader
-
 from flexarm_ros import scenario
 from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
@@ -22,12 +32,15 @@ from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.nodes.plant import RECORDER_WINDOW
 from flexarm_ros.nodes.trajectory import AHEAD
 from flexarm_ros.scenario.suite import Fault
+from mcap.reader import make_reader
+import pytest
+from rosbags.highlevel import AnyReader
 
 TICKS = 500
 CHUNK_TICKS = 50
-SIGNALS = ("kill", "pause")
-OWN = ("raise", "exit")
-NODE = Path(__file__).with_name("faulty_node.py")
+SIGNALS = ('kill', 'pause')
+OWN = ('raise', 'exit')
+NODE = Path(__file__).with_name('faulty_node.py')
 
 TICK_TIMEOUT_S = 2.0
 UNREAD_TICKS = 60
@@ -59,9 +72,9 @@ def faulty_run(
 ) -> Faulted:
     """Fly half a second of ``fls_tip`` with one fault in the node ``role`` at ``tick``."""
     config = scenario.load(
-        "fls_tip",
-        ["duration=0.5", f"tick_timeout={TICK_TIMEOUT_S}",
-         f"recorder.chunk_time={CHUNK_TICKS / 1000}"],
+        'fls_tip',
+        ['duration=0.5', f'tick_timeout={TICK_TIMEOUT_S}',
+         f'recorder.chunk_time={CHUNK_TICKS / 1000}'],
     )  # fmt: skip
     memory: set[str] = set()
     exits: dict[str, int] = {}
@@ -83,48 +96,48 @@ def faulty_run(
     def commanding(name: str, arguments: list[str]) -> list[str]:
         if name != role or fault in SIGNALS:
             return command(name, arguments)
-        words = [sys.executable, str(NODE), name, fault, str(tick), "--ros-args"]
+        words = [sys.executable, str(NODE), name, fault, str(tick), '--ros-args']
         return words + arguments
 
     def watching(done: int, _: int) -> None:
         if done != moved[1]:
             moved[:] = [time.monotonic(), done]
 
-    patch.setattr(litter.Litter, "remove", remembering)
-    patch.setattr(processes.NodeProcesses, "__exit__", closing)
-    patch.setattr(run, "node_command", commanding)
+    patch.setattr(litter.Litter, 'remove', remembering)
+    patch.setattr(processes.NodeProcesses, '__exit__', closing)
+    patch.setattr(run, 'node_command', commanding)
     timeline = Timeline.of(config.run)
     plan = FaultPlan([Fault(tick / 1000, role, fault)], timeline) if fault in SIGNALS else None
     outcome = run.run_scenario(
-        config, "fls_tip", directory, run.RunOptions(), watch=watching, faults=plan
+        config, 'fls_tip', directory, run.RunOptions(), watch=watching, faults=plan
     )
     took = time.monotonic() - moved[0]
-    summary = json.loads((directory / "summary.json").read_text())
+    summary = json.loads((directory / 'summary.json').read_text())
     # References are out long before their tick: without its trajectory a run may still be whole.
-    assert summary["stable"] is not True or summary["ticks"] == TICKS
-    assert summary["problem"] == outcome.problem
-    check_bag(directory, config, summary["ticks"], gone=role)
-    return Faulted(directory, outcome.problem, summary["ticks"], took, exits, memory)
+    assert summary['stable'] is not True or summary['ticks'] == TICKS
+    assert summary['problem'] == outcome.problem
+    check_bag(directory, config, summary['ticks'], gone=role)
+    return Faulted(directory, outcome.problem, summary['ticks'], took, exits, memory)
 
 
-def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = "") -> None:
+def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = '') -> None:
     """The bag opens and holds, for ``ticks`` ticks, the bytes of an undisturbed run."""
-    bag = directory / "bag"
+    bag = directory / 'bag'
     if not bag.exists():
         assert ticks == 0
         return
     wanted = small_messages(config)
     paths = [topic.path for topic in per_tick_topics(config)]
-    with open(bag / "bag_0.mcap", "rb") as file:
+    with open(bag / 'bag_0.mcap', 'rb') as file:
         messages = [
             (channel.topic, message.sequence - 1, message.data)
             for _, channel, message in make_reader(file).iter_messages()
         ]
     by_tick: dict[tuple[int, str], bytes] = {}
     for topic, tick, data in messages:
-        assert (tick, topic) not in by_tick, f"twice: {topic} at tick {tick}"
+        assert (tick, topic) not in by_tick, f'twice: {topic} at tick {tick}'
         by_tick[tick, topic] = data
-        assert data == wanted[tick][paths.index(topic)], f"{topic} at tick {tick}"
+        assert data == wanted[tick][paths.index(topic)], f'{topic} at tick {tick}'
     whole = [k for k in range(TICKS) if all((k, path) in by_tick for path in paths)]
     assert whole == list(range(ticks))
     # Of the tick that was not finished there may be some messages, of later ones none.
@@ -134,32 +147,32 @@ def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = "") ->
         assert max((tick for tick, _ in by_tick), default=-1) <= ticks, sorted(by_tick)[-12:]
     with AnyReader([bag]) as reader:
         assert sum(1 for _ in reader.messages()) == len(messages)
-    rows = (directory / "trajectory.csv").read_text().splitlines()
+    rows = (directory / 'trajectory.csv').read_text().splitlines()
     assert len(rows) == 1 + ticks
 
 
 def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
     """What is said names the node, the tick and why; nothing is left behind."""
     said = done.problem
-    assert said.startswith(f"{role}: tick "), said
-    assert "\n" not in said
+    assert said.startswith(f'{role}: tick '), said
+    assert '\n' not in said
     assert len(said) < 400
-    why = {"kill": "killed by SIGKILL", "raise": "ZeroDivisionError: a fault on purpose",
-           "exit": "ended with exit status 0", "pause": "within"}  # fmt: skip
+    why = {'kill': 'killed by SIGKILL', 'raise': 'ZeroDivisionError: a fault on purpose',
+           'exit': 'ended with exit status 0', 'pause': 'within'}  # fmt: skip
     assert why[fault] in said
-    named = int(said.split()[2].rstrip(":"))
+    named = int(said.split()[2].rstrip(':'))
     # The plant's state of a tick is out before its own turn comes again. The trajectory publishes
     # AHEAD ticks beyond what it heard of, and the plant flies AHEAD ticks at most beyond that.
-    ahead = {"plant": 1, "trajectory": 2 * AHEAD, "recorder": RECORDER_WINDOW}.get(role, 0)
-    unread = UNREAD_TICKS if fault in ("exit", "kill") else 0
+    ahead = {'plant': 1, 'trajectory': 2 * AHEAD, 'recorder': RECORDER_WINDOW}.get(role, 0)
+    unread = UNREAD_TICKS if fault in ('exit', 'kill') else 0
     assert tick - max(ahead, unread) <= named <= min(tick + ahead, TICKS), said
-    lost = CHUNK_TICKS if (role, fault) == ("recorder", "kill") else 0
+    lost = CHUNK_TICKS if (role, fault) == ('recorder', 'kill') else 0
     assert done.ticks >= min(tick, named) - lost - 1
     # The plant leaves when it is done, though the recorder, which is behind it, stands still.
-    limit = LIMIT_S + (run.LEAVING_S - TICK_TIMEOUT_S + AHEAD_S) * ("did not leave" in said)
-    assert done.took_s < limit, f"{said}, after {done.took_s} s"
-    assert done.memory, "no shared memory was noted"
+    limit = LIMIT_S + (run.LEAVING_S - TICK_TIMEOUT_S + AHEAD_S) * ('did not leave' in said)
+    assert done.took_s < limit, f'{said}, after {done.took_s} s'
+    assert done.memory, 'no shared memory was noted'
     # Ports are numbered for the whole machine: somebody else's run may have taken one over.
     left = [name for name in done.memory if (litter.FOLDER / name).exists()]
-    left = [name for name in left if not litter.in_use(litter.FOLDER / f"{name}_el")]
+    left = [name for name in left if not litter.in_use(litter.FOLDER / f'{name}_el')]
     assert not left, left

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A node that does something bad at a tick: ``faulty_node.py ROLE FAULT TICK --ros-args ...``.
 
 FAULT: ``raise`` (an exception in the callback of a tick), ``exit`` (leaves with status 0 as if
@@ -7,33 +21,33 @@ itself is concerned), ``import`` (dies before it is a node).
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
+import sys
 from typing import Any
 
 
 def main() -> int:
     role, fault, tick = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    if fault == "import":
-        raise ImportError("no such module, on purpose")
+    if fault == 'import':
+        raise ImportError('no such module, on purpose')
     from flexarm_ros.nodes import process
     from flexarm_ros.nodes.graph import TICK_EVERY
 
     name = process.CLASSES[role]
-    module = import_module(f"flexarm_ros.nodes.{role}")
+    module = import_module(f'flexarm_ros.nodes.{role}')
 
     class Faulty(getattr(module, name)):  # type: ignore[misc]
         def advance(self, *args: Any) -> bool:
             if self._strikes():
-                if fault == "raise":
-                    raise ZeroDivisionError("a fault on purpose")
-                if fault == "exit":
+                if fault == 'raise':
+                    raise ZeroDivisionError('a fault on purpose')
+                if fault == 'exit':
                     raise SystemExit(0)
-                self.crashed = "ZeroDivisionError: a fault on purpose"
+                self.crashed = 'ZeroDivisionError: a fault on purpose'
             return bool(super().advance(*args))
 
         def _strikes(self) -> bool:
-            if role != "trajectory":
+            if role != 'trajectory':
                 return bool(self.tick >= tick)
             # It hears of the plant's ticks now and then, and is far ahead of them itself.
             return self._reached.ticks > 0 and tick < self._reached.ticks + TICK_EVERY
@@ -42,5 +56,5 @@ def main() -> int:
     return process.run_process(role, sys.argv[4:])
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     sys.exit(main())

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Two machines for a test: network namespaces with a link between them, good or bad.
 
 A good link is a veth pair.  A bad one is the same pair with ``tc netem``, where the kernel has that
@@ -7,6 +21,8 @@ other, late, and loses some (drawn with a fixed seed).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, ExitStack
 import fcntl
 import heapq
 import itertools
@@ -18,12 +34,10 @@ import struct
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 
 import pytest
 
-ADDRESSES = ("192.0.2.1/30", "192.0.2.2/30")
+ADDRESSES = ('192.0.2.1/30', '192.0.2.2/30')
 """Of TEST-NET-1: nobody's."""
 
 _TUNSETIFF, _IFF_TAP, _IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
@@ -31,15 +45,15 @@ _TUNSETIFF, _IFF_TAP, _IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
 
 def ip(*words: str) -> subprocess.CompletedProcess[str]:
     """Run ``ip``."""
-    return subprocess.run(["ip", *words], capture_output=True, text=True, check=False)
+    return subprocess.run(['ip', *words], capture_output=True, text=True, check=False)
 
 
 def need_namespaces() -> None:
     """Skip the test where no namespace can be made."""
-    if shutil.which("ip") is None:
-        pytest.skip("no `ip` here: install iproute2 to test two machines")
+    if shutil.which('ip') is None:
+        pytest.skip('no `ip` here: install iproute2 to test two machines')
     if os.geteuid() != 0:
-        pytest.skip("not root: network namespaces need it")
+        pytest.skip('not root: network namespaces need it')
 
 
 class Relay:
@@ -87,15 +101,15 @@ class Relay:
 
 def _open_tap(name: str) -> int:
     try:
-        descriptor = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
+        descriptor = os.open('/dev/net/tun', os.O_RDWR | os.O_NONBLOCK)
     except OSError as error:
-        pytest.skip(f"neither tc netem nor /dev/net/tun here: {error.strerror}")
+        pytest.skip(f'neither tc netem nor /dev/net/tun here: {error.strerror}')
     try:
-        flags = struct.pack("16sH22x", name.encode(), _IFF_TAP | _IFF_NO_PI)
+        flags = struct.pack('16sH22x', name.encode(), _IFF_TAP | _IFF_NO_PI)
         fcntl.ioctl(descriptor, _TUNSETIFF, flags)
     except OSError as error:
         os.close(descriptor)
-        pytest.skip(f"neither tc netem nor TAP devices here: {error.strerror}")
+        pytest.skip(f'neither tc netem nor TAP devices here: {error.strerror}')
     return descriptor
 
 
@@ -103,18 +117,18 @@ class Machines:
     """Two network namespaces and the link between them."""
 
     def __init__(self) -> None:
-        self.names = tuple(f"flexarm{os.getpid()}{end}" for end in "ab")
-        self.links = tuple(f"fa{os.getpid()}{end}" for end in "ab")
-        self.kind = "veth"
+        self.names = tuple(f'flexarm{os.getpid()}{end}' for end in 'ab')
+        self.links = tuple(f'fa{os.getpid()}{end}' for end in 'ab')
+        self.kind = 'veth'
         self.relay: Relay | None = None
 
     def command(self, machine: int) -> list[str]:
         """Return the words that put a command on a machine."""
-        return ["ip", "netns", "exec", self.names[machine]]
+        return ['ip', 'netns', 'exec', self.names[machine]]
 
     def cut(self) -> None:
         """Take the link away."""
-        assert ip("-n", self.names[0], "link", "set", self.links[0], "down").returncode == 0
+        assert ip('-n', self.names[0], 'link', 'set', self.links[0], 'down').returncode == 0
 
 
 @contextmanager
@@ -124,21 +138,21 @@ def two_machines(loss: float = 0.0, delay_s: float = 0.0) -> Iterator[Machines]:
     made = Machines()
     with ExitStack() as stack:
         for name in made.names:
-            done = ip("netns", "add", name)
+            done = ip('netns', 'add', name)
             if done.returncode != 0:
-                pytest.skip(f"no network namespaces here: {done.stderr.strip()}")
-            stack.callback(ip, "netns", "del", name)
+                pytest.skip(f'no network namespaces here: {done.stderr.strip()}')
+            stack.callback(ip, 'netns', 'del', name)
         _veth(made)
         if loss or delay_s:
             _spoil(made, stack, loss, delay_s)
         for name, link, address in zip(made.names, made.links, ADDRESSES, strict=True):
             for words in (
-                ("addr", "add", address, "dev", link),
-                ("link", "set", link, "up"),
-                ("link", "set", "lo", "up"),
-                ("route", "add", "224.0.0.0/4", "dev", link),
+                ('addr', 'add', address, 'dev', link),
+                ('link', 'set', link, 'up'),
+                ('link', 'set', 'lo', 'up'),
+                ('route', 'add', '224.0.0.0/4', 'dev', link),
             ):
-                done = ip("-n", name, *words)
+                done = ip('-n', name, *words)
                 assert done.returncode == 0, done.stderr
         if made.relay is not None:
             made.relay.start()
@@ -147,31 +161,31 @@ def two_machines(loss: float = 0.0, delay_s: float = 0.0) -> Iterator[Machines]:
 
 def _veth(made: Machines) -> None:
     done = ip(
-        "link", "add", made.links[0], "netns", made.names[0], "type", "veth",
-        "peer", "name", made.links[1], "netns", made.names[1],
+        'link', 'add', made.links[0], 'netns', made.names[0], 'type', 'veth',
+        'peer', 'name', made.links[1], 'netns', made.names[1],
     )  # fmt: skip
     if done.returncode != 0:
-        pytest.skip(f"no veth devices here: {done.stderr.strip()}")
+        pytest.skip(f'no veth devices here: {done.stderr.strip()}')
 
 
 def _spoil(made: Machines, stack: ExitStack, loss: float, delay_s: float) -> None:
     """Make the link lose and delay what it carries."""
-    words = ["netem", "loss", f"{loss * 100:g}%", "delay", f"{delay_s * 1000:g}ms"]
+    words = ['netem', 'loss', f'{loss * 100:g}%', 'delay', f'{delay_s * 1000:g}ms']
     for name, link in zip(made.names, made.links, strict=True):
-        if shutil.which("tc") is None:
+        if shutil.which('tc') is None:
             break
         done = subprocess.run(
-            [*made.command(made.names.index(name)), "tc", "qdisc", "add", "dev", link, "root",
+            [*made.command(made.names.index(name)), 'tc', 'qdisc', 'add', 'dev', link, 'root',
              *words], capture_output=True, check=False,
         )  # fmt: skip
         if done.returncode != 0:
             break
     else:
-        made.kind = "veth with tc netem"
+        made.kind = 'veth with tc netem'
         return
-    assert ip("-n", made.names[0], "link", "del", made.links[0]).returncode == 0
+    assert ip('-n', made.names[0], 'link', 'del', made.links[0]).returncode == 0
     made.relay = Relay(made.links, loss, delay_s)
     stack.callback(made.relay.close)
     for name, link in zip(made.names, made.links, strict=True):
-        assert ip("link", "set", link, "netns", name).returncode == 0
-    made.kind = "TAP devices and a relay"
+        assert ip('link', 'set', link, 'netns', name).returncode == 0
+    made.kind = 'TAP devices and a relay'

@@ -1,32 +1,46 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Helpers of the tests that start nodes: commands, processes, waiting on conditions."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 import os
+from pathlib import Path
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 
 
 def flexarm(*words: str | Path, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
     """Run the command line to its end."""
     return subprocess.run(
-        [sys.executable, "-m", "flexarm_ros.cli", *map(str, words)],
+        [sys.executable, '-m', 'flexarm_ros.cli', *map(str, words)],
         capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False,
     )  # fmt: skip
 
 
 def start_node(role: str, parameters: Path, *words: str) -> subprocess.Popen[str]:
     """Start one node by hand, as a user does in a terminal of its own."""
-    command = [sys.executable, "-m", "flexarm_ros.nodes", role, "--ros-args"]
+    command = [sys.executable, '-m', 'flexarm_ros.nodes', role, '--ros-args']
     return subprocess.Popen(
-        [*command, "--params-file", str(parameters), *words],
+        [*command, '--params-file', str(parameters), *words],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
     )  # fmt: skip
 
@@ -51,21 +65,21 @@ def wait_for(condition: Callable[[], bool], timeout: float, what: str) -> None:
     deadline = time.monotonic() + timeout
     tick = threading.Event()
     while not condition():
-        assert time.monotonic() < deadline, f"not within {timeout:g} s: {what}"
+        assert time.monotonic() < deadline, f'not within {timeout:g} s: {what}'
         tick.wait(0.02)
 
 
 def burners(count: int) -> list[subprocess.Popen[bytes]]:
     """Start processes that keep a core busy each, for a minute at the longest."""
-    code = "import time\nend = time.time() + 60\nwhile time.time() < end: pass"
-    return [subprocess.Popen([sys.executable, "-c", code], env=os.environ) for _ in range(count)]
+    code = 'import time\nend = time.time() + 60\nwhile time.time() < end: pass'
+    return [subprocess.Popen([sys.executable, '-c', code], env=os.environ) for _ in range(count)]
 
 
 def write_scenario(path: Path, name: str, *overrides: str) -> Path:
     """Write a shipped scenario with overrides as a file of its own."""
     from flexarm_ros import scenario
 
-    path.write_text(scenario.dump(scenario.load(name, list(overrides))), encoding="utf-8")
+    path.write_text(scenario.dump(scenario.load(name, list(overrides))), encoding='utf-8')
     return path
 
 
@@ -88,26 +102,26 @@ class Asker:
         from rclpy.parameter import Parameter
 
         wanted = [Parameter(key, value=value).to_parameter_msg()]
-        name = f"/{node}/set_parameters"
+        name = f'/{node}/set_parameters'
         return self.call(SetParameters, name, parameters=wanted).results[0]
 
     def get(self, node: str, key: str) -> float:
         from rcl_interfaces.srv import GetParameters
 
-        answer = self.call(GetParameters, f"/{node}/get_parameters", names=[key])
+        answer = self.call(GetParameters, f'/{node}/get_parameters', names=[key])
         return answer.values[0].double_value
 
     def state(self) -> str:
         from std_srvs.srv import Trigger
 
-        return self.call(Trigger, "/plant/state").message
+        return self.call(Trigger, '/plant/state').message
 
     def tick(self) -> int:
-        return int(self.state().split("tick ")[1].split(",")[0])
+        return int(self.state().split('tick ')[1].split(',')[0])
 
     def pause(self, wanted: bool) -> None:
         from std_srvs.srv import SetBool
 
-        assert self.call(SetBool, "/plant/pause", data=wanted).success
+        assert self.call(SetBool, '/plant/pause', data=wanted).success
         if wanted:
-            wait_for(lambda: self.state().startswith("paused"), 20, "the plant is paused")
+            wait_for(lambda: self.state().startswith('paused'), 20, 'the plant is paused')

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What real rcl reads from a parameter file: the oracle of the scenario reader's tests."""
 
 from __future__ import annotations
@@ -9,20 +23,20 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-OWN = ("use_sim_time", "start_type_description_service")
+OWN = ('use_sim_time', 'start_type_description_service')
 
 
 class RclError(Exception):
     """rcl refused the file."""
 
 
-def read(text: str, directory: Path, node: str = "plant") -> dict[str, Any]:
+def read(text: str, directory: Path, node: str = 'plant') -> dict[str, Any]:
     """Return the parameters that a node gets from ``text`` as ``--params-file``."""
-    path = directory / "oracle.yaml"
+    path = directory / 'oracle.yaml'
     path.write_bytes(text.encode())
     context = Context()
     try:
-        rclpy.init(args=["--ros-args", "--params-file", str(path)], context=context)
+        rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context)
     except Exception as error:
         raise RclError(str(error)) from None
     try:
@@ -41,4 +55,4 @@ def read(text: str, directory: Path, node: str = "plant") -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    return list(value) if hasattr(value, "typecode") or isinstance(value, (list, tuple)) else value
+    return list(value) if hasattr(value, 'typecode') or isinstance(value, (list, tuple)) else value

@@ -1,9 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Run directories for the tests of pictures and reports: real ones, and spoilt ones."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+import json
 from pathlib import Path
 from typing import Any
 
@@ -30,14 +44,14 @@ def fly(directory: Path, name: str, *overrides: str) -> Path:
 
 def edit_summary(directory: Path, change: Callable[[dict[str, Any]], object]) -> None:
     """Change a run's ``summary.json``."""
-    path = directory / "summary.json"
-    summary = json.loads(path.read_text("utf-8"))
+    path = directory / 'summary.json'
+    summary = json.loads(path.read_text('utf-8'))
     change(summary)
-    path.write_text(json.dumps(summary), "utf-8")
+    path.write_text(json.dumps(summary), 'utf-8')
 
 
-def cut_rows(directory: Path, rows: int, rest: str = "") -> None:
+def cut_rows(directory: Path, rows: int, rest: str = '') -> None:
     """Keep the first rows of ``trajectory.csv``, and ``rest`` as a row that was cut off."""
-    path = directory / "trajectory.csv"
-    lines = path.read_text("ascii").splitlines(keepends=True)
-    path.write_text("".join(lines[: rows + 1]) + rest, "ascii")
+    path = directory / 'trajectory.csv'
+    lines = path.read_text('ascii').splitlines(keepends=True)
+    path.write_text(''.join(lines[: rows + 1]) + rest, 'ascii')

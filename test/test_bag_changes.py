@@ -1,11 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Live parameters in a bag: read back, verified, rescued, and open to others."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-
-import pytest
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.changes import decode, encode
@@ -14,27 +26,28 @@ from flexarm_ros.bag.export import export
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.recompute import loop_messages
 from flexarm_ros.bag.recover import recover
-from flexarm_ros.bag.topics import TIP, per_tick_topics
+from flexarm_ros.bag.topics import per_tick_topics, TIP
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.changes import Change
 from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import RunConfig, changed
+from flexarm_ros.core.parameters import changed, RunConfig
+import pytest
 
 CHANGES = (
-    Change(40, "controller", "kp", 80.0),
-    Change(60, "tip_sensor", "noise_std", 0.01),
-    Change(60, "tip_sensor", "latency", 0.0405),
-    Change(61, "encoder", "resolution", 0.001),
-    Change(90, "trajectory", "delay", 0.02),
-    Change(90, "controller", "kn", 4.0),
+    Change(40, 'controller', 'kp', 80.0),
+    Change(60, 'tip_sensor', 'noise_std', 0.01),
+    Change(60, 'tip_sensor', 'latency', 0.0405),
+    Change(61, 'encoder', 'resolution', 0.001),
+    Change(90, 'trajectory', 'delay', 0.02),
+    Change(90, 'controller', 'kn', 4.0),
 )
 
 
 def write_bag(path: Path, config: RunConfig, late: bool = False) -> Path:
     """Fly ``config`` with its changes and write the bag as the recorder node does."""
     loop = ClosedLoop(config)
-    with BagWriter(path / "bag", replace(config, changes=())) as writer:
+    with BagWriter(path / 'bag', replace(config, changes=())) as writer:
         for change in () if late else config.changes:
             writer.write_change(change)
         while (record := loop.tick()) is not None:
@@ -48,12 +61,12 @@ def write_bag(path: Path, config: RunConfig, late: bool = False) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def config() -> RunConfig:
-    return replace(scenario.load("fls_tip", ["duration=0.15"]), changes=CHANGES)
+    return replace(scenario.load('fls_tip', ['duration=0.15']), changes=CHANGES)
 
 
-@pytest.mark.parametrize("late", [False, True], ids=["in time", "late"])
+@pytest.mark.parametrize('late', [False, True], ids=['in time', 'late'])
 def test_changes_are_read_back_and_the_run_verifies(
     tmp_path: Path, config: RunConfig, late: bool
 ) -> None:
@@ -61,7 +74,7 @@ def test_changes_are_read_back_and_the_run_verifies(
     assert BagReader(path).config == config
     verdict = verify(path)
     assert verdict.same, (verdict.earliest, verdict.faults)
-    assert verdict.compared["closed loop"] == 6 * 150
+    assert verdict.compared['closed loop'] == 6 * 150
 
 
 def test_a_run_without_a_change_differs_from_its_tick_on(config: RunConfig) -> None:
@@ -86,36 +99,36 @@ def test_covariance_follows_the_noise(tmp_path: Path, config: RunConfig) -> None
 
 
 def test_changes_survive_a_rescue(tmp_path: Path, config: RunConfig) -> None:
-    path = write_bag(tmp_path / "run", config)
-    file = path / "bag" / "bag_0.mcap"
+    path = write_bag(tmp_path / 'run', config)
+    file = path / 'bag' / 'bag_0.mcap'
     file.write_bytes(file.read_bytes()[:-200])  # the index is lost
-    rescue = recover(path, tmp_path / "new")
+    rescue = recover(path, tmp_path / 'new')
     assert rescue.whole
     assert not rescue.dropped
-    assert BagReader(tmp_path / "new").config.changes == CHANGES
-    assert verify(tmp_path / "new").same
+    assert BagReader(tmp_path / 'new').config.changes == CHANGES
+    assert verify(tmp_path / 'new').same
 
 
 def test_changes_are_exported_and_compared(tmp_path: Path, config: RunConfig) -> None:
-    path = write_bag(tmp_path / "a", config)
-    export(path, tmp_path / "tables", "csv")
-    lines = (tmp_path / "tables" / "changes.csv").read_text().splitlines()
-    assert lines[:2] == ["tick,node,key,value", "40,controller,kp,80.0"]
+    path = write_bag(tmp_path / 'a', config)
+    export(path, tmp_path / 'tables', 'csv')
+    lines = (tmp_path / 'tables' / 'changes.csv').read_text().splitlines()
+    assert lines[:2] == ['tick,node,key,value', '40,controller,kp,80.0']
     assert len(lines) == 1 + len(CHANGES)
-    assert len((tmp_path / "tables" / "trajectory.csv").read_text().splitlines()) == 151
-    plain = write_bag(tmp_path / "b", replace(config, changes=()))
+    assert len((tmp_path / 'tables' / 'trajectory.csv').read_text().splitlines()) == 151
+    plain = write_bag(tmp_path / 'b', replace(config, changes=()))
     result = compare(path, plain)
-    assert result.parameters == ["changed on the way: 6 and 0 times, not alike"]
+    assert result.parameters == ['changed on the way: 6 and 0 times, not alike']
     assert not result.within
-    export(plain, tmp_path / "plain", "csv")
-    assert not (tmp_path / "plain" / "changes.csv").exists()
+    export(plain, tmp_path / 'plain', 'csv')
+    assert not (tmp_path / 'plain' / 'changes.csv').exists()
 
 
 def test_other_readers_see_them(tmp_path: Path, config: RunConfig) -> None:
     from rosbags.highlevel import AnyReader
 
-    with AnyReader([write_bag(tmp_path, config) / "bag"]) as bag:
-        (connection,) = [c for c in bag.connections if c.topic == "/lockstep/changes"]
+    with AnyReader([write_bag(tmp_path, config) / 'bag']) as bag:
+        (connection,) = [c for c in bag.connections if c.topic == '/lockstep/changes']
         assert connection.msgcount == len(CHANGES)
         events = [
             bag.deserialize(data, connection.msgtype) for _, _, data in bag.messages([connection])
@@ -124,15 +137,15 @@ def test_other_readers_see_them(tmp_path: Path, config: RunConfig) -> None:
 
 
 @pytest.mark.parametrize(
-    "bad",
+    'bad',
     [
-        Change(5, "controller", "law", 1.0),
-        Change(5, "controller", "kn", 0.0),
-        Change(5, "nobody", "kp", 1.0),
-        Change(5, "/**", "duration", 1.0),
-        Change(5, "encoder", "latency", float("nan")),
+        Change(5, 'controller', 'law', 1.0),
+        Change(5, 'controller', 'kn', 0.0),
+        Change(5, 'nobody', 'kp', 1.0),
+        Change(5, '/**', 'duration', 1.0),
+        Change(5, 'encoder', 'latency', float('nan')),
     ],
 )
 def test_a_change_that_is_not_allowed_is_refused(bad: Change) -> None:
-    with pytest.raises(ValueError, match=r"no parameter|out of range"):
+    with pytest.raises(ValueError, match=r'no parameter|out of range'):
         decode(encode(bad, 1_000_000), 1_000_000)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rescue of damaged bags: truncation at any byte, flipped bits, overwritten places."""
 
 from __future__ import annotations
@@ -5,40 +19,39 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from pathlib import Path
 import random
 import resource
 import subprocess
 import sys
-from pathlib import Path
 
-import pytest
 from bagtools import small_config, small_messages, write_small
-
 from flexarm_ros.bag.errors import BagError, BagExistsError
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.recover import Rescue, recover
+from flexarm_ros.bag.recover import recover, Rescue
 from flexarm_ros.bag.scan import Scanner
 from flexarm_ros.cli import main
+import pytest
 
 CONFIG = small_config()
 TICKS, CHUNK = 300, 50
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def sound(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return write_small(tmp_path_factory.mktemp("sound") / "bag", CONFIG).read_bytes()
+    return write_small(tmp_path_factory.mktemp('sound') / 'bag', CONFIG).read_bytes()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def chunk_ends(sound: bytes, tmp_path_factory: pytest.TempPathFactory) -> list[int]:
-    path = tmp_path_factory.mktemp("ends") / "x.mcap"
+    path = tmp_path_factory.mktemp('ends') / 'x.mcap'
     path.write_bytes(sound)
     with Scanner(path) as scanner:
         return [record.end for record in scanner.records() if record.opcode == 0x06]
 
 
-def rescue_bytes(data: bytes, tmp_path: Path, name: str = "new") -> tuple[Rescue, Path]:
-    source = tmp_path / f"{name}.mcap"
+def rescue_bytes(data: bytes, tmp_path: Path, name: str = 'new') -> tuple[Rescue, Path]:
+    source = tmp_path / f'{name}.mcap'
     source.write_bytes(data)
     target = tmp_path / name
     rescue = recover(source, target)
@@ -47,7 +60,7 @@ def rescue_bytes(data: bytes, tmp_path: Path, name: str = "new") -> tuple[Rescue
 
 
 def is_chunk_start(data: bytes, start: int, end: int) -> bool:
-    return data[start] == 0x06 and int.from_bytes(data[start + 1 : start + 9], "little") == (
+    return data[start] == 0x06 and int.from_bytes(data[start + 1 : start + 9], 'little') == (
         end - start - 9
     )
 
@@ -71,7 +84,7 @@ def test_whole_bag_gives_the_same_bytes(sound: bytes, tmp_path: Path) -> None:
     rescue, bag = rescue_bytes(sound, tmp_path)
     assert rescue.status == 0
     assert rescue.damages == []
-    assert (bag / "bag_0.mcap").read_bytes() == sound
+    assert (bag / 'bag_0.mcap').read_bytes() == sound
 
 
 def test_truncation_at_many_offsets(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None:
@@ -80,7 +93,7 @@ def test_truncation_at_many_offsets(sound: bytes, chunk_ends: list[int], tmp_pat
     edges = {end + d for end in chunk_ends for d in (-1, 0, 1)}
     random_places = random.Random(1).sample(range(len(sound)), 30)
     for cut in sorted({0, 1, 8, 9, *edges, *random_places, len(sound) - 1}):
-        rescue, bag = rescue_bytes(sound[:cut], tmp_path, f"cut{cut}")
+        rescue, bag = rescue_bytes(sound[:cut], tmp_path, f'cut{cut}')
         chunks = sum(end <= cut for end in chunk_ends)
         assert rescue.complete == chunks * CHUNK, cut
         assert rescue.status == (0 if chunks == len(chunk_ends) else 3 if chunks else 1), cut
@@ -95,19 +108,19 @@ def test_flipped_bytes(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> N
     for place in places:
         damaged = bytearray(sound)
         damaged[place] ^= 1 << generator.randrange(8)
-        rescue, bag = rescue_bytes(bytes(damaged), tmp_path, f"flip{place}")
+        rescue, bag = rescue_bytes(bytes(damaged), tmp_path, f'flip{place}')
         assert rescue.complete >= TICKS - CHUNK, place
         found = check_content(bag)
         assert len(found) == rescue.complete
         assert rescue.status == (0 if len(found) == TICKS else 3), place
 
 
-@pytest.mark.parametrize("fill", [b"\x00", b"\xff"])
+@pytest.mark.parametrize('fill', [b'\x00', b'\xff'])
 def test_overwritten_sectors(sound: bytes, fill: bytes, tmp_path: Path) -> None:
     """As after a power cut: 512 bytes in a row are not what was written."""
     for start in range(0, len(sound) - 512, 4096):
         damaged = sound[:start] + fill * 512 + sound[start + 512 :]
-        rescue, bag = rescue_bytes(damaged, tmp_path, f"sector{start}")
+        rescue, bag = rescue_bytes(damaged, tmp_path, f'sector{start}')
         assert rescue.kept > 0
         if rescue.planned:
             assert rescue.complete >= TICKS - 2 * CHUNK
@@ -125,21 +138,21 @@ def test_front_lost(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None
 
     with AnyReader([bag]) as reader:
         assert reader.message_count == 6 * TICKS
-    with pytest.raises(BagError, match="no scenario"):
+    with pytest.raises(BagError, match='no scenario'):
         BagReader(bag)
 
 
 def test_scenario_restored_from_its_copy(sound: bytes, tmp_path: Path) -> None:
-    place = sound.index(b"kp: 150.79")
-    damaged = sound[:place] + b"kp: 150.78" + sound[place + 10 :]
+    place = sound.index(b'kp: 150.79')
+    damaged = sound[:place] + b'kp: 150.78' + sound[place + 10 :]
     rescue, bag = rescue_bytes(damaged, tmp_path)
     assert rescue.status == 0
-    assert any("copy" in text for text in rescue.damages)
+    assert any('copy' in text for text in rescue.damages)
     check_content(bag, set(range(TICKS)))
 
 
 def test_both_scenarios_altered_are_not_believed(sound: bytes, tmp_path: Path) -> None:
-    damaged = sound.replace(b"kp: 150.79", b"kp: 150.78").replace(b"150.79", b"150.77")
+    damaged = sound.replace(b'kp: 150.79', b'kp: 150.78').replace(b'150.79', b'150.77')
     rescue, _ = rescue_bytes(damaged, tmp_path)
     assert rescue.status == 3
     assert rescue.lost_front
@@ -154,73 +167,73 @@ def test_not_a_bag(tmp_path: Path) -> None:
 def test_recorder_killed(tmp_path: Path) -> None:
     """SIGKILL in the middle: everything up to the last chunk that was due is rescued."""
     code = (
-        "import sys\n"
-        "from pathlib import Path\n"
-        "from bagtools import *\n"
-        "config = small_config()\n"
-        "writer = BagWriter(Path(sys.argv[1]), config)\n"
-        "for tick, messages in enumerate(small_messages(config)):\n"
-        "    for topic, data in enumerate(messages):\n"
-        "        writer.write(topic, tick, data)\n"
-        "    if tick >= int(sys.argv[2]):\n"
-        "        print(tick, flush=True)\n"
-        "        sys.stdin.readline()\n"
+        'import sys\n'
+        'from pathlib import Path\n'
+        'from bagtools import *\n'
+        'config = small_config()\n'
+        'writer = BagWriter(Path(sys.argv[1]), config)\n'
+        'for tick, messages in enumerate(small_messages(config)):\n'
+        '    for topic, data in enumerate(messages):\n'
+        '        writer.write(topic, tick, data)\n'
+        '    if tick >= int(sys.argv[2]):\n'
+        '        print(tick, flush=True)\n'
+        '        sys.stdin.readline()\n'
     )
     tests = Path(__file__).parent
-    environment = {**os.environ, "PYTHONPATH": f"{tests}{os.pathsep}{tests.parent}"}
+    environment = {**os.environ, 'PYTHONPATH': f'{tests}{os.pathsep}{tests.parent}'}
     for last in (48, 49, 120, 275):
-        bag = tmp_path / f"bag{last}"
+        bag = tmp_path / f'bag{last}'
         process = subprocess.Popen(
-            [sys.executable, "-c", code, str(bag), str(last)], env=environment,
+            [sys.executable, '-c', code, str(bag), str(last)], env=environment,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         )  # fmt: skip
         with process:
             assert process.stdout is not None
             assert int(process.stdout.readline()) == last
             process.kill()
-        rescue = recover(bag, tmp_path / f"new{last}")
+        rescue = recover(bag, tmp_path / f'new{last}')
         chunks = (last + 1) // CHUNK
         assert rescue.complete == chunks * CHUNK
         assert rescue.status == (3 if chunks else 1)
         if chunks:
-            check_content(tmp_path / f"new{last}", set(range(chunks * CHUNK)))
+            check_content(tmp_path / f'new{last}', set(range(chunks * CHUNK)))
 
 
 def test_never_overwrites(sound: bytes, tmp_path: Path) -> None:
-    (tmp_path / "there").mkdir()
-    (tmp_path / "a.mcap").write_bytes(sound)
+    (tmp_path / 'there').mkdir()
+    (tmp_path / 'a.mcap').write_bytes(sound)
     with pytest.raises(BagExistsError):
-        recover(tmp_path / "a.mcap", tmp_path / "there")
-    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+        recover(tmp_path / 'a.mcap', tmp_path / 'there')
+    (tmp_path / 'link').symlink_to(tmp_path / 'nowhere')
     with pytest.raises(BagExistsError):
-        recover(tmp_path / "a.mcap", tmp_path / "link")
+        recover(tmp_path / 'a.mcap', tmp_path / 'link')
 
 
 def test_command(
     sound: bytes, chunk_ends: list[int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def call(data: bytes, name: str) -> tuple[int, str, str]:
-        source = tmp_path / f"{name}.mcap"
+        source = tmp_path / f'{name}.mcap'
         source.write_bytes(data)
-        status = main(["recover", str(source), "--out", str(tmp_path / name)])
+        status = main(['recover', str(source), '--out', str(tmp_path / name)])
         said = capsys.readouterr()
         return status, said.out, said.err
 
-    status, out, _ = call(sound, "whole")
+    status, out, _ = call(sound, 'whole')
     assert status == 0
-    assert out.startswith("whole: 1800 messages, 300 of 300 ticks")
-    status, out, _ = call(sound[: chunk_ends[3]], "part")
+    assert out.startswith('whole: 1800 messages, 300 of 300 ticks')
+    status, out, _ = call(sound[: chunk_ends[3]], 'part')
     assert status == 3
-    assert out.startswith("in part: 1200 messages, 200 of 300 ticks")
-    assert "breaks off" in out
-    status, _, err = call(sound[:100], "none")
+    assert out.startswith('in part: 1200 messages, 200 of 300 ticks')
+    assert 'breaks off' in out
+    status, _, err = call(sound[:100], 'none')
     assert status == 1
-    assert err.startswith("nothing: ")
-    status, _, err = call(sound, "whole")
+    assert err.startswith('nothing: ')
+    status, _, err = call(sound, 'whole')
     assert status == 2
-    assert "not overwritten" in err
-    assert main(["recover", str(tmp_path / "absent"), "--out", str(tmp_path / "y")]) == 2
-    assert "no such file" in capsys.readouterr().err
+    assert 'not overwritten' in err
+    assert main(['recover', str(tmp_path / 'absent'), '--out', str(tmp_path / 'y')]) == 2
+    assert 'no such file' in capsys.readouterr().err
 
 
 LIMIT = 120_000
@@ -234,57 +247,57 @@ def with_little_room(*words: str | Path) -> subprocess.CompletedProcess[str]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
 
     return subprocess.run(
-        [sys.executable, "-m", "flexarm_ros.cli", *map(str, words)], preexec_fn=limited,
+        [sys.executable, '-m', 'flexarm_ros.cli', *map(str, words)], preexec_fn=limited,
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
 
 
 def written_part(run: Path) -> int:
     """Return the whole ticks that a bag cut at `LIMIT` must give back, having checked its mark."""
-    summary = json.loads((run / "summary.json").read_text())
-    assert summary["complete"] is False
-    assert summary["stable"] is None
+    summary = json.loads((run / 'summary.json').read_text())
+    assert summary['complete'] is False
+    assert summary['stable'] is None
     chunks = 0
-    with Scanner(run / "bag" / "bag_0.mcap") as scanner, contextlib.suppress(BagError):
+    with Scanner(run / 'bag' / 'bag_0.mcap') as scanner, contextlib.suppress(BagError):
         for record in scanner.records():
             chunks += record.opcode == 0x06
     return chunks * CHUNK
 
 
 def test_disk_full_under_a_simulation(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    done = with_little_room("simulate", "fls_tip", "--set", "duration=1",
-                            "--set", "recorder.chunk_time=0.05", "--out", run)  # fmt: skip
+    run = tmp_path / 'run'
+    done = with_little_room('simulate', 'fls_tip', '--set', 'duration=1',
+                            '--set', 'recorder.chunk_time=0.05', '--out', run)  # fmt: skip
     assert done.returncode == 1, done.stderr
-    assert done.stderr.count("\n") == 1
-    assert "bag_0.mcap: cannot be written: File too large" in done.stderr
-    assert (run / "bag" / "bag_0.mcap").stat().st_size == LIMIT
+    assert done.stderr.count('\n') == 1
+    assert 'bag_0.mcap: cannot be written: File too large' in done.stderr
+    assert (run / 'bag' / 'bag_0.mcap').stat().st_size == LIMIT
     ticks = written_part(run)
     assert ticks >= 200
-    assert main(["recover", str(run), "--out", str(tmp_path / "new")]) == 3
-    assert len(list(BagReader(tmp_path / "new").ticks())) == ticks
-    assert main(["verify", str(tmp_path / "new")]) == 0
+    assert main(['recover', str(run), '--out', str(tmp_path / 'new')]) == 3
+    assert len(list(BagReader(tmp_path / 'new').ticks())) == ticks
+    assert main(['verify', str(tmp_path / 'new')]) == 0
 
 
 @pytest.mark.slow
 @pytest.mark.nodes
 def test_disk_full_under_a_run(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    done = with_little_room("run", "fls_tip", "--set", "duration=1", "--no-pictures",
-                            "--set", "recorder.chunk_time=0.05", "--out", run)  # fmt: skip
+    run = tmp_path / 'run'
+    done = with_little_room('run', 'fls_tip', '--set', 'duration=1', '--no-pictures',
+                            '--set', 'recorder.chunk_time=0.05', '--out', run)  # fmt: skip
     assert done.returncode == 1
-    assert "recorder: tick " in done.stderr
-    assert "cannot be written: File too large" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert main(["verify", str(run)]) == 0
-    assert json.loads((run / "summary.json").read_text())["complete"] is False
+    assert 'recorder: tick ' in done.stderr
+    assert 'cannot be written: File too large' in done.stderr
+    assert 'Traceback' not in done.stderr
+    assert main(['verify', str(run)]) == 0
+    assert json.loads((run / 'summary.json').read_text())['complete'] is False
 
 
 def test_a_rescue_that_finds_no_room_leaves_nothing(tmp_path: Path) -> None:
-    assert main(["simulate", "fls_tip", "--set", "duration=1", "--no-pictures",
-                 "--out", str(tmp_path / "run")]) == 0  # fmt: skip
-    done = with_little_room("recover", tmp_path / "run", "--out", tmp_path / "new")
+    assert main(['simulate', 'fls_tip', '--set', 'duration=1', '--no-pictures',
+                 '--out', str(tmp_path / 'run')]) == 0  # fmt: skip
+    done = with_little_room('recover', tmp_path / 'run', '--out', tmp_path / 'new')
     assert done.returncode == 1
-    assert "File too large" in done.stderr
-    assert not (tmp_path / "new").exists()
-    assert main(["recover", str(tmp_path / "run"), "--out", str(tmp_path / "new")]) == 0
+    assert 'File too large' in done.stderr
+    assert not (tmp_path / 'new').exists()
+    assert main(['recover', str(tmp_path / 'run'), '--out', str(tmp_path / 'new')]) == 0

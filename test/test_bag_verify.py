@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm verify`` finds every alteration and names tick, topic and field."""
 
 from __future__ import annotations
@@ -5,21 +19,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import pytest
 from bagtools import OPEN_LOOP, small_config, small_messages, write_small
-
 from flexarm_ros import scenario
 from flexarm_ros.bag import provenance
 from flexarm_ros.bag.foreign import typestore
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.scan import Scanner
-from flexarm_ros.bag.topics import COMMAND, STATE, per_tick_topics
+from flexarm_ros.bag.topics import COMMAND, per_tick_topics, STATE
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.parameters import RunConfig
+import pytest
 
-CONFIG = small_config("encoder.latency=0.0005", "tip_sensor.latency=0.0015")
+CONFIG = small_config('encoder.latency=0.0005', 'tip_sensor.latency=0.0015')
 TOPICS = per_tick_topics(CONFIG)
 
 
@@ -54,50 +67,50 @@ def changed(topic: int, field: int, data: bytes) -> bytes:
 
 
 @pytest.mark.parametrize(
-    "overrides",
+    'overrides',
     [
         (),
-        ("controller.law=pd", "controller.velocity_source=encoder", "plant.modes=2"),
-        ("encoder.noise_std=1e-4", "encoder.resolution=1e-5", "tip_sensor.noise_std=0.001"),
-        ("tip_sensor.rate=100", "tip_sensor.measurand=elastic", "controller.feedback=encoder"),
-        ("tip_sensor.latency=0.0013", "tip_sensor.latency_model=pade2", "trajectory.delay=0.0123"),
-        ("plant.model=full", "control_period=0.002"),
+        ('controller.law=pd', 'controller.velocity_source=encoder', 'plant.modes=2'),
+        ('encoder.noise_std=1e-4', 'encoder.resolution=1e-5', 'tip_sensor.noise_std=0.001'),
+        ('tip_sensor.rate=100', 'tip_sensor.measurand=elastic', 'controller.feedback=encoder'),
+        ('tip_sensor.latency=0.0013', 'tip_sensor.latency_model=pade2', 'trajectory.delay=0.0123'),
+        ('plant.model=full', 'control_period=0.002'),
     ],
 )
 def test_sound_run(overrides: tuple[str, ...], tmp_path: Path) -> None:
     config = small_config(*overrides)
-    write_small(tmp_path / "bag", config)
-    verdict = verify(tmp_path / "bag")
+    write_small(tmp_path / 'bag', config)
+    verdict = verify(tmp_path / 'bag')
     assert verdict.same
     assert not verdict.notes
     assert not verdict.versions
     ticks = round(config.run.duration / config.run.control_period)
     assert verdict.ticks == verdict.planned == ticks
     assert verdict.compared == {
-        "plant": 2 * ticks, "encoder": ticks, "tip_sensor": ticks, "trajectory": ticks,
-        "controller": ticks, "closed loop": 6 * ticks,
+        'plant': 2 * ticks, 'encoder': ticks, 'tip_sensor': ticks, 'trajectory': ticks,
+        'controller': ticks, 'closed loop': 6 * ticks,
     }  # fmt: skip
 
 
 def test_open_loop_from_the_bag_alone(tmp_path: Path) -> None:
     config = scenario.from_dict(
         {
-            "run": {"duration": 0.2},
-            "controller": {"law": "open_loop", "torque_file": "/not/there.csv"},
+            'run': {'duration': 0.2},
+            'controller': {'law': 'open_loop', 'torque_file': '/not/there.csv'},
         },
         OPEN_LOOP,
     )
-    write_small(tmp_path / "bag", config)
-    assert b"/not/there" not in (tmp_path / "bag" / "bag_0.mcap").read_bytes()
-    assert verify(tmp_path / "bag").same
+    write_small(tmp_path / 'bag', config)
+    assert b'/not/there' not in (tmp_path / 'bag' / 'bag_0.mcap').read_bytes()
+    assert verify(tmp_path / 'bag').same
 
 
 @pytest.mark.parametrize(
-    ("topic", "field"), [(t, f) for t in range(1, 6) for f in range(len(TOPICS[t].codec.fields))]
+    ('topic', 'field'), [(t, f) for t in range(1, 6) for f in range(len(TOPICS[t].codec.fields))]
 )
 def test_one_bit_in_the_middle(topic: int, field: int, tmp_path: Path) -> None:
     bag = write_messages(
-        tmp_path / "bag",
+        tmp_path / 'bag',
         CONFIG,
         lambda k, t, data: changed(topic, field, data) if (k, t) == (137, topic) else data,
     )
@@ -108,10 +121,10 @@ def test_one_bit_in_the_middle(topic: int, field: int, tmp_path: Path) -> None:
     assert (first.tick, first.topic) == (137, TOPICS[topic].path)
     assert first.field == TOPICS[topic].codec.fields[field]
     assert first.check == TOPICS[topic].node
-    assert verdict.first["closed loop"].tick == 137
+    assert verdict.first['closed loop'].tick == 137
 
 
-@pytest.mark.parametrize("topic", range(6))
+@pytest.mark.parametrize('topic', range(6))
 def test_a_stamp(topic: int, tmp_path: Path) -> None:
     def alter(tick: int, index: int, data: bytes) -> bytes:
         if (tick, index) != (50, topic):
@@ -119,65 +132,65 @@ def test_a_stamp(topic: int, tmp_path: Path) -> None:
         stamp, values = TOPICS[topic].codec.decode(data)
         return TOPICS[topic].codec.encode(stamp + 1, *values)
 
-    first = verify(write_messages(tmp_path / "bag", CONFIG, alter)).earliest
+    first = verify(write_messages(tmp_path / 'bag', CONFIG, alter)).earliest
     assert first is not None
-    assert (first.tick, first.topic, first.field) == (50, TOPICS[topic].path, "stamp")
+    assert (first.tick, first.topic, first.field) == (50, TOPICS[topic].path, 'stamp')
 
 
 def test_not_a_number(tmp_path: Path) -> None:
     def alter(tick: int, index: int, data: bytes) -> bytes:
-        nan = float("nan")
+        nan = float('nan')
         stamp = TOPICS[index].codec.decode(data)[0]
         at = (tick, index) == (50, COMMAND)
         return TOPICS[index].codec.encode(stamp, nan, nan) if at else data
 
-    first = verify(write_messages(tmp_path / "bag", CONFIG, alter)).earliest
+    first = verify(write_messages(tmp_path / 'bag', CONFIG, alter)).earliest
     assert first is not None
-    assert (first.tick, first.field, first.recorded) == (50, "effort.shoulder", "nan")
+    assert (first.tick, first.field, first.recorded) == (50, 'effort.shoulder', 'nan')
 
 
 def test_another_scenario(tmp_path: Path) -> None:
     """Messages of one gain under the scenario of another."""
-    other = small_config("controller.ks=15.000000001")
+    other = small_config('controller.ks=15.000000001')
     truth = small_messages(small_config())
-    with BagWriter(tmp_path / "bag", other) as writer:
+    with BagWriter(tmp_path / 'bag', other) as writer:
         for tick, messages in enumerate(truth):
             for topic, data in enumerate(messages):
                 writer.write(topic, tick, data)
-    verdict = verify(tmp_path / "bag")
+    verdict = verify(tmp_path / 'bag')
     first = verdict.earliest
     assert first is not None
-    assert (first.tick, first.topic, first.check) == (0, "/joint_command", "controller")
-    assert set(verdict.first) == {"controller", "closed loop"}
+    assert (first.tick, first.topic, first.check) == (0, '/joint_command', 'controller')
+    assert set(verdict.first) == {'controller', 'closed loop'}
 
 
 def test_cut_off_is_compared_as_far_as_it_goes(tmp_path: Path) -> None:
-    bag = write_messages(tmp_path / "bag", CONFIG)
-    path = bag / "bag_0.mcap"
+    bag = write_messages(tmp_path / 'bag', CONFIG)
+    path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:60000])
     verdict = verify(path)
     assert verdict.same
     assert 0 < verdict.ticks < verdict.planned
-    assert any("damaged at byte" in note for note in verdict.notes)
+    assert any('damaged at byte' in note for note in verdict.notes)
 
 
 def test_nothing_recorded_is_nothing_proved(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    sound = write_small(tmp_path / "bag", small_config()).read_bytes()
-    with Scanner(tmp_path / "bag" / "bag_0.mcap") as scanner:
+    sound = write_small(tmp_path / 'bag', small_config()).read_bytes()
+    with Scanner(tmp_path / 'bag' / 'bag_0.mcap') as scanner:
         front = next(r.offset for r in scanner.records(bodies=False) if r.opcode == 0x06)
-    (tmp_path / "front.mcap").write_bytes(sound[:front])
-    verdict = verify(tmp_path / "front.mcap")
+    (tmp_path / 'front.mcap').write_bytes(sound[:front])
+    verdict = verify(tmp_path / 'front.mcap')
     assert not verdict.same
-    assert verdict.faults == ["no message in it: nothing is proved"]
-    assert main(["verify", str(tmp_path / "front.mcap")]) == 1
-    assert "the same" not in capsys.readouterr().out
+    assert verdict.faults == ['no message in it: nothing is proved']
+    assert main(['verify', str(tmp_path / 'front.mcap')]) == 1
+    assert 'the same' not in capsys.readouterr().out
 
 
 def test_ended_early_with_an_incomplete_tick(tmp_path: Path) -> None:
     bag = write_messages(
-        tmp_path / "bag",
+        tmp_path / 'bag',
         CONFIG,
         lambda k, t, data: None if k == 120 and t == COMMAND else data,
         range(121),
@@ -185,31 +198,31 @@ def test_ended_early_with_an_incomplete_tick(tmp_path: Path) -> None:
     verdict = verify(bag)
     assert verdict.same
     assert verdict.ticks == 120
-    assert "tick 120: no message on /joint_command" in verdict.notes
-    assert any("ends at tick 120 of 300" in note for note in verdict.notes)
+    assert 'tick 120: no message on /joint_command' in verdict.notes
+    assert any('ends at tick 120 of 300' in note for note in verdict.notes)
 
 
 def test_unstable_run(tmp_path: Path) -> None:
-    config = small_config("control_period=0.02", "duration=4", "plant.hub_inertia=[0.5,0.5]")
-    write_small(tmp_path / "bag", config)
-    verdict = verify(tmp_path / "bag")
+    config = small_config('control_period=0.02', 'duration=4', 'plant.hub_inertia=[0.5,0.5]')
+    write_small(tmp_path / 'bag', config)
+    verdict = verify(tmp_path / 'bag')
     assert verdict.same
     assert verdict.ticks < verdict.planned
-    assert any("unstable as computed" in note for note in verdict.notes)
+    assert any('unstable as computed' in note for note in verdict.notes)
 
 
 def test_missing_message_and_missing_ticks(tmp_path: Path) -> None:
     lost = write_messages(
-        tmp_path / "a", CONFIG, lambda k, t, data: None if (k, t) == (70, STATE) else data
+        tmp_path / 'a', CONFIG, lambda k, t, data: None if (k, t) == (70, STATE) else data
     )
     verdict = verify(lost)
-    assert verdict.faults == ["tick 70: no message on /plant/state"]
+    assert verdict.faults == ['tick 70: no message on /plant/state']
     assert not verdict.same
     assert not verdict.first
-    gap = write_messages(tmp_path / "b", CONFIG, ticks=[*range(100), *range(150, 300)])
+    gap = write_messages(tmp_path / 'b', CONFIG, ticks=[*range(100), *range(150, 300)])
     verdict = verify(gap)
     assert len(verdict.faults) == 1
-    assert verdict.faults[0].startswith("ticks 100 to 149 are missing")
+    assert verdict.faults[0].startswith('ticks 100 to 149 are missing')
     assert not verdict.first
     assert verdict.ticks == 250
 
@@ -217,88 +230,92 @@ def test_missing_message_and_missing_ticks(tmp_path: Path) -> None:
 def test_foreign_controller(tmp_path: Path) -> None:
     """Another layout with the same numbers is no difference; other torques are, unless told."""
     store = typestore()
-    joint_state = store.types["sensor_msgs/msg/JointState"]
-    header = store.types["std_msgs/msg/Header"]
-    time = store.types["builtin_interfaces/msg/Time"]
+    joint_state = store.types['sensor_msgs/msg/JointState']
+    header = store.types['std_msgs/msg/Header']
+    time = store.types['builtin_interfaces/msg/Time']
     import numpy as np
 
     def foreign(data: bytes, scale: float) -> bytes:
         stamp, (tau1, tau2) = TOPICS[COMMAND].codec.decode(data)
         sec, nanosec = divmod(stamp, 10**9)
         message = joint_state(
-            header(time(sec, nanosec), "mine"),
-            ["elbow", "shoulder"],
+            header(time(sec, nanosec), 'mine'),
+            ['elbow', 'shoulder'],
             np.zeros(0),
             np.zeros(0),
             np.array([tau2, tau1]) * scale,
         )
-        return bytes(store.serialize_cdr(message, "sensor_msgs/msg/JointState"))
+        return bytes(store.serialize_cdr(message, 'sensor_msgs/msg/JointState'))
 
     same = write_messages(
-        tmp_path / "a", CONFIG, lambda k, t, data: foreign(data, 1.0) if t == COMMAND else data
+        tmp_path / 'a', CONFIG, lambda k, t, data: foreign(data, 1.0) if t == COMMAND else data
     )
     assert verify(same).same
     other = write_messages(
-        tmp_path / "b", CONFIG, lambda k, t, data: foreign(data, 1.5) if t == COMMAND else data
+        tmp_path / 'b', CONFIG, lambda k, t, data: foreign(data, 1.5) if t == COMMAND else data
     )
     first = verify(other).earliest
     assert first is not None
-    assert (first.check, first.tick) == ("controller", 0)
-    verdict = verify(other, ["controller"])
-    assert set(verdict.first) == {"plant"}  # these torques moved another arm
-    assert verdict.first["plant"].tick == 1
+    assert (first.check, first.tick) == ('controller', 0)
+    verdict = verify(other, ['controller'])
+    assert set(verdict.first) == {'plant'}  # these torques moved another arm
+    assert verdict.first['plant'].tick == 1
     told = write_messages(
-        tmp_path / "c", CONFIG, origin=Provenance.here("", ["controller"]),
+        tmp_path / 'c', CONFIG, origin=Provenance.here('', ['controller']),
         alter=lambda k, t, data: foreign(data, 1.0) if t == COMMAND else data,
     )  # fmt: skip
     verdict = verify(told)
     assert verdict.same
-    assert "controller" not in verdict.compared
-    assert any("closed loop not computed" in note for note in verdict.notes)
+    assert 'controller' not in verdict.compared
+    assert any('closed loop not computed' in note for note in verdict.notes)
 
 
 def test_says_that_versions_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     here = Provenance.here()
-    then = Provenance("", {**here.versions, "numpy": "1.0.0"}, here.commit, here.digest)
-    bag = write_messages(tmp_path / "bag", CONFIG, origin=then)
+    then = Provenance('', {**here.versions, 'numpy': '1.0.0'}, here.commit, here.digest)
+    bag = write_messages(tmp_path / 'bag', CONFIG, origin=then)
     verdict = verify(bag)
     assert verdict.same
-    assert verdict.versions == [f"numpy 1.0.0, here {here.versions['numpy']}"]
-    monkeypatch.setattr(provenance, "_digest", lambda: "0" * 64)
-    assert any("source" in text for text in verify(bag).versions)
+    assert verdict.versions == [f'numpy 1.0.0, here {here.versions["numpy"]}']
+    monkeypatch.setattr(provenance, '_digest', lambda: '0' * 64)
+    assert any('source' in text for text in verify(bag).versions)
 
 
 def test_metadata_that_counts_otherwise(tmp_path: Path) -> None:
-    bag = write_messages(tmp_path / "bag", CONFIG)
-    path = bag / "metadata.yaml"
-    path.write_text(path.read_text().replace("  message_count: 300\n", "  message_count: 299\n", 1))
+    bag = write_messages(tmp_path / 'bag', CONFIG)
+    path = bag / 'metadata.yaml'
+    path.write_text(
+        path.read_text().replace('  message_count: 300\n', '  message_count: 299\n', 1)
+    )
     verdict = verify(bag)
-    assert verdict.faults == ["metadata.yaml: 299 messages on /clock, the bag has 300"]
+    assert verdict.faults == ['metadata.yaml: 299 messages on /clock, the bag has 300']
     path.unlink()
     assert verify(bag).same
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    good = write_messages(tmp_path / "good", CONFIG)
-    assert main(["verify", str(good)]) == 0
-    assert capsys.readouterr().out.endswith("the same\n")
+    good = write_messages(tmp_path / 'good', CONFIG)
+    assert main(['verify', str(good)]) == 0
+    assert capsys.readouterr().out.endswith('the same\n')
     bad = write_messages(
-        tmp_path / "bad",
+        tmp_path / 'bad',
         CONFIG,
         lambda k, t, data: changed(4, 2, data) if k >= 200 and t == 4 else data,
     )
-    assert main(["verify", str(bad)]) == 1
+    assert main(['verify', str(bad)]) == 1
     out = capsys.readouterr().out
-    assert "DIFFERS: tick 200, /reference twist.linear.x: " in out
-    assert "100 of 300 messages differ" in out
-    assert main(["verify", str(tmp_path)]) == 1
+    assert 'DIFFERS: tick 200, /reference twist.linear.x: ' in out
+    assert '100 of 300 messages differ' in out
+    assert main(['verify', str(tmp_path)]) == 1
     err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert "no bag in it" in err
+    assert err.count('\n') == 1
+    assert 'no bag in it' in err
 
 
 def test_a_topic_that_is_missing_throughout_is_no_ragged_end(tmp_path: Path) -> None:
-    silent = write_messages(tmp_path / "a", CONFIG, lambda k, t, data: None if t == STATE else data)
+    silent = write_messages(
+        tmp_path / 'a', CONFIG, lambda k, t, data: None if t == STATE else data
+    )
     verdict = verify(silent)
     assert not verdict.same
-    assert verdict.faults[0] == "tick 0: no message on /plant/state"
+    assert verdict.faults[0] == 'tick 0: no message on /plant/state'

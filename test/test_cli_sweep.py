@@ -1,27 +1,40 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm sweep``: the same table from any number of workers, cut off or not."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import csv
 import json
 import os
+from pathlib import Path
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
-import pytest
-
-import flexarm_ros.cli as cli
 from flexarm_ros import scenario
 from flexarm_ros.analysis import sweep_engine, sweep_worker
 from flexarm_ros.analysis.sweep_pictures import write_pictures
-from flexarm_ros.analysis.sweep_store import StoreError, SweepStore, make_table
+from flexarm_ros.analysis.sweep_store import make_table, StoreError, SweepStore
+import flexarm_ros.cli as cli
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.scenario import sweep as sweeps
+import pytest
 
 SWEEP = """
 # Latency and hub inertia, with one value that does not fit
@@ -43,115 +56,115 @@ COUNT = 2 * 2 * 2 * 2
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "small.yaml"
+    path = tmp_path / 'small.yaml'
     path.write_text(SWEEP)
     return path
 
 
 def sweep(*words: str) -> int:
-    return cli.main(["sweep", *words, "--no-pictures"])
+    return cli.main(['sweep', *words, '--no-pictures'])
 
 
 def table(directory: Path) -> list[dict[str, str]]:
-    with open(directory / "table.csv", newline="") as stream:
+    with open(directory / 'table.csv', newline='') as stream:
         return list(csv.DictReader(stream))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sweep as one worker computes it, in a directory ``out`` of its own."""
-    directory = tmp_path_factory.mktemp("sweep")
-    (directory / "small.yaml").write_text(SWEEP)
-    out = directory / "out"
-    assert sweep(str(directory / "small.yaml"), "--out", str(out), "--workers", "1") == 0
+    directory = tmp_path_factory.mktemp('sweep')
+    (directory / 'small.yaml').write_text(SWEEP)
+    out = directory / 'out'
+    assert sweep(str(directory / 'small.yaml'), '--out', str(out), '--workers', '1') == 0
     return out
 
 
 def test_every_run_is_a_row_those_that_do_not_fit_too(finished: Path) -> None:
     rows = table(finished)
-    assert [int(row["index"]) for row in rows] == list(range(COUNT))
-    outcomes = [row["outcome"] for row in rows]
-    assert outcomes.count("invalid") == COUNT // 2
-    assert outcomes.count("stable") >= 2
+    assert [int(row['index']) for row in rows] == list(range(COUNT))
+    outcomes = [row['outcome'] for row in rows]
+    assert outcomes.count('invalid') == COUNT // 2
+    assert outcomes.count('stable') >= 2
     for row in rows:
-        if row["outcome"] == "invalid":
-            assert "tip_sensor.location: 9.5" in row["error"]
-            assert row["max_error"] == row["stable"] == ""
+        if row['outcome'] == 'invalid':
+            assert 'tip_sensor.location: 9.5' in row['error']
+            assert row['max_error'] == row['stable'] == ''
         else:
-            assert float(row["max_error"]) > 0.0
+            assert float(row['max_error']) > 0.0
 
 
 def test_the_numbers_are_those_of_simulate(file: Path, finished: Path) -> None:
     row = table(finished)[0]
     made = sweeps.load(file)
-    Path("one.yaml").write_text(scenario.dump(made.bases[0]))
-    words = [word for text in made.case(0).overrides for word in ("--set", text)]
-    assert cli.main(["simulate", "one.yaml", *words, "--out", "one", "--no-pictures"]) == 0
-    summary = json.loads(Path("one/summary.json").read_text())
-    for name in ("rms_error", "max_error", "tip_max_error", "max_deflection", "max_torque"):
+    Path('one.yaml').write_text(scenario.dump(made.bases[0]))
+    words = [word for text in made.case(0).overrides for word in ('--set', text)]
+    assert cli.main(['simulate', 'one.yaml', *words, '--out', 'one', '--no-pictures']) == 0
+    summary = json.loads(Path('one/summary.json').read_text())
+    for name in ('rms_error', 'max_error', 'tip_max_error', 'max_deflection', 'max_torque'):
         assert float(row[name]) == summary[name]
-    assert [float(row[f"overshoot[{i}]"]) for i in range(3)] == summary["overshoot"]
+    assert [float(row[f'overshoot[{i}]']) for i in range(3)] == summary['overshoot']
 
 
 def test_results_do_not_depend_on_the_number_of_workers(file: Path, finished: Path) -> None:
-    assert sweep(str(file), "--out", "three", "--workers", "3") == 0
-    assert Path("three/table.csv").read_bytes() == (finished / "table.csv").read_bytes()
+    assert sweep(str(file), '--out', 'three', '--workers', '3') == 0
+    assert Path('three/table.csv').read_bytes() == (finished / 'table.csv').read_bytes()
 
 
 def test_a_sweep_that_was_cut_off_goes_on(
     file: Path, finished: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copytree(finished, "out")
+    shutil.copytree(finished, 'out')
     # As if killed in the middle of writing a row.
-    lines = Path("out/rows.jsonl").read_bytes().splitlines(keepends=True)
-    Path("out/rows.jsonl").write_bytes(b"".join(lines[:-2]) + lines[-2][:20])
-    Path("out/table.csv").unlink()
-    assert sweep(str(file), "--out", "out", "--workers", "1") == 0
+    lines = Path('out/rows.jsonl').read_bytes().splitlines(keepends=True)
+    Path('out/rows.jsonl').write_bytes(b''.join(lines[:-2]) + lines[-2][:20])
+    Path('out/table.csv').unlink()
+    assert sweep(str(file), '--out', 'out', '--workers', '1') == 0
     shown = capsys.readouterr()
-    assert f"{COUNT - 2} of {COUNT} runs are there already" in shown.err
-    assert f"{COUNT} of {COUNT} runs: " in shown.out
-    assert Path("out/table.csv").read_bytes() == (finished / "table.csv").read_bytes()
-    assert len(Path("out/rows.jsonl").read_bytes().splitlines()) == COUNT
+    assert f'{COUNT - 2} of {COUNT} runs are there already' in shown.err
+    assert f'{COUNT} of {COUNT} runs: ' in shown.out
+    assert Path('out/table.csv').read_bytes() == (finished / 'table.csv').read_bytes()
+    assert len(Path('out/rows.jsonl').read_bytes().splitlines()) == COUNT
 
 
 def test_a_directory_is_for_one_sweep_only(
     file: Path, finished: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copytree(finished, "out")
-    before = Path("out/rows.jsonl").read_bytes()
-    file.write_text(SWEEP.replace("seed: 3", "seed: 4"))
-    assert sweep(str(file), "--out", "out") == 2
-    assert "another sweep" in capsys.readouterr().err
-    assert Path("out/rows.jsonl").read_bytes() == before
-    Path("taken").mkdir()
-    Path("taken/file").touch()
-    assert sweep(str(file), "--out", "taken") == 2
+    shutil.copytree(finished, 'out')
+    before = Path('out/rows.jsonl').read_bytes()
+    file.write_text(SWEEP.replace('seed: 3', 'seed: 4'))
+    assert sweep(str(file), '--out', 'out') == 2
+    assert 'another sweep' in capsys.readouterr().err
+    assert Path('out/rows.jsonl').read_bytes() == before
+    Path('taken').mkdir()
+    Path('taken/file').touch()
+    assert sweep(str(file), '--out', 'taken') == 2
     with (
-        SweepStore(Path("held"), sweeps.load(file)),
-        pytest.raises(StoreError, match="another sweep is writing"),
-        SweepStore(Path("held"), sweeps.load(file)),
+        SweepStore(Path('held'), sweeps.load(file)),
+        pytest.raises(StoreError, match='another sweep is writing'),
+        SweepStore(Path('held'), sweeps.load(file)),
     ):
         pass
 
 
 def test_ctrl_c_leaves_the_rows_and_says_how_to_go_on(file: Path) -> None:
-    file.write_text(SWEEP.replace("duration: 0.4", "duration: 4.0").replace("[9.0, 9.5]", "[9.0]"))
+    file.write_text(SWEEP.replace('duration: 0.4', 'duration: 4.0').replace('[9.0, 9.5]', '[9.0]'))
     process = subprocess.Popen(
-        [sys.executable, "-m", "flexarm_ros.cli", "sweep", str(file), "--out", "out",
-         "--workers", "1"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        [sys.executable, '-m', 'flexarm_ros.cli', 'sweep', str(file), '--out', 'out',
+         '--workers', '1'], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
     )  # fmt: skip
-    rows = Path("out/rows.jsonl")
+    rows = Path('out/rows.jsonl')
     deadline = time.monotonic() + 60.0
-    while not (rows.exists() and rows.read_bytes().count(b"\n") >= 2):
+    while not (rows.exists() and rows.read_bytes().count(b'\n') >= 2):
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "--out out` goes on" in errors
-    assert "Traceback" not in errors
-    assert 2 <= len(table(Path("out"))) < COUNT // 2
+    assert '--out out` goes on' in errors
+    assert 'Traceback' not in errors
+    assert 2 <= len(table(Path('out'))) < COUNT // 2
 
 
 def die(tasks: Sequence[sweep_worker.Task]) -> list[sweep_worker.Row]:
@@ -163,64 +176,66 @@ def die(tasks: Sequence[sweep_worker.Task]) -> list[sweep_worker.Row]:
 
 
 def broken(bases: Sequence[RunConfig], task: sweep_worker.Task) -> None:
-    raise ArithmeticError("two\nlines")
+    raise ArithmeticError('two\nlines')
 
 
-def test_a_run_that_kills_its_process_is_a_row(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_engine, "run_tasks", die)
+def test_a_run_that_kills_its_process_is_a_row(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_engine, 'run_tasks', die)
     made = sweeps.load(file)
     cases = [made.case(index) for index in range(5)]
     tasks = [(case.index, case.base, case.overrides) for case in cases]
     rows = list(sweep_engine.LocalPool(made.bases, 2).rows(tasks, lambda: False))
-    assert sorted(row["index"] for row in rows) == list(range(5))
-    assert [row["index"] for row in rows if row["outcome"] == "crashed"] == [3]
+    assert sorted(row['index'] for row in rows) == list(range(5))
+    assert [row['index'] for row in rows if row['outcome'] == 'crashed'] == [3]
 
 
 def test_an_error_within_a_run_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_worker, "fly", broken)
-    row = sweep_worker.run_task([scenario.load("pd_tip")], (7, 0, ()))
-    assert row == {"index": 7, "outcome": "failed", "error": "ArithmeticError: two lines"}
+    monkeypatch.setattr(sweep_worker, 'fly', broken)
+    row = sweep_worker.run_task([scenario.load('pd_tip')], (7, 0, ()))
+    assert row == {'index': 7, 'outcome': 'failed', 'error': 'ArithmeticError: two lines'}
 
 
 def test_pictures_have_a_map_for_each_scenario(file: Path, finished: Path) -> None:
-    shutil.copytree(finished, "out")
-    assert cli.main(["sweep", str(file), "--out", "out"]) == 0
-    names = sorted(path.name for path in Path("out/pictures").iterdir())
+    shutil.copytree(finished, 'out')
+    assert cli.main(['sweep', str(file), '--out', 'out']) == 0
+    names = sorted(path.name for path in Path('out/pictures').iterdir())
     assert names == [
-        f"max_error_{name}.{kind}" for name in ("fls_tip", "pd_tip") for kind in ("png", "svg")
+        f'max_error_{name}.{kind}' for name in ('fls_tip', 'pd_tip') for kind in ('png', 'svg')
     ]
 
 
 def test_a_curve_is_drawn_over_a_single_axis(file: Path) -> None:
-    file.write_text("{scenario: pd_tip, grid: {controller.kp: [100, 150, 200]}}")
+    file.write_text('{scenario: pd_tip, grid: {controller.kp: [100, 150, 200]}}')
     made = sweeps.load(file)
     rows = {
-        i: {"index": i, "outcome": "stable", "stable": i != 2, "max_error": 0.1 * i}
+        i: {'index': i, 'outcome': 'stable', 'stable': i != 2, 'max_error': 0.1 * i}
         for i in range(3)
     }
-    paths = write_pictures(made, make_table(made, rows), Path("out"))
-    assert [path.name for path in paths] == ["max_error_pd_tip.png", "max_error_pd_tip.svg"]
+    paths = write_pictures(made, make_table(made, rows), Path('out'))
+    assert [path.name for path in paths] == ['max_error_pd_tip.png', 'max_error_pd_tip.svg']
 
 
 def test_a_missing_scheduler_is_one_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert sweep(str(file), "--out", "out", "--scheduler", "tcp://127.0.0.1:1") == 2
+    assert sweep(str(file), '--out', 'out', '--scheduler', 'tcp://127.0.0.1:1') == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
-    assert "--scheduler" in lines[0]
+    assert '--scheduler' in lines[0]
 
 
 def test_a_dask_cluster_of_two_processes_gives_the_same_table(file: Path, finished: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="needs the extra 'dask'")
+    distributed = pytest.importorskip('distributed', reason="needs the extra 'dask'")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
-        assert sweep(str(file), "--out", "there", "--scheduler", cluster.scheduler_address) == 0
-    assert Path("there/table.csv").read_bytes() == (finished / "table.csv").read_bytes()
+        assert sweep(str(file), '--out', 'there', '--scheduler', cluster.scheduler_address) == 0
+    assert Path('there/table.csv').read_bytes() == (finished / 'table.csv').read_bytes()
 
 
 def test_the_table_is_written_as_parquet_where_that_can_be(finished: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'parquet'")
-    read = parquet.read_table(finished / "table.parquet").to_pylist()
-    assert [row["index"] for row in read] == list(range(COUNT))
+    parquet = pytest.importorskip('pyarrow.parquet', reason="needs the extra 'parquet'")
+    read = parquet.read_table(finished / 'table.parquet').to_pylist()
+    assert [row['index'] for row in read] == list(range(COUNT))
     first = table(finished)[0]
-    assert read[0]["max_error"] == float(first["max_error"])
+    assert read[0]['max_error'] == float(first['max_error'])

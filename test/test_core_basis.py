@@ -1,13 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Shape functions of a link against closed forms, and their integrals another way."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-
-import numpy as np
-import pytest
-from scipy.integrate import quad
+import math
 
 from flexarm_ros.core.basis import (
     Basis,
@@ -18,21 +28,24 @@ from flexarm_ros.core.basis import (
 )
 from flexarm_ros.core.basis_arm import arm_bases
 from flexarm_ros.core.basis_integrals import linear_integrals, shortening_integrals
-from flexarm_ros.core.beam import ClampedFreeModes, clamped_free_root
+from flexarm_ros.core.beam import clamped_free_root, ClampedFreeModes
 from flexarm_ros.core.parameters import PlantParameters
 from flexarm_ros.core.plant_full_model import link_bases
+import numpy as np
+import pytest
+from scipy.integrate import quad
 
-NAMES = ("arm_modes", "craig_bampton", "clamped_free")
+NAMES = ('arm_modes', 'craig_bampton', 'clamped_free')
 
 
 def basis_of(name: str, count: int) -> Basis:
-    if name == "arm_modes":
+    if name == 'arm_modes':
         return arm_bases(PlantParameters(modes=count, hub_inertia=(0.0, 0.0)))[1]
     return orthogonal_basis(name, identity(count))
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("count", [1, 2, 4, 6])
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('count', [1, 2, 4, 6])
 def test_shapes_start_at_the_tangent_and_are_orthogonal(name: str, count: int) -> None:
     basis = basis_of(name, count)
     assert basis.shape(0.0)[:, 0] == pytest.approx(np.zeros(count), abs=1e-10)
@@ -41,15 +54,15 @@ def test_shapes_start_at_the_tangent_and_are_orthogonal(name: str, count: int) -
     nodes, weights = np.polynomial.legendre.leggauss(60)
     xi, weights = 0.5 * (nodes + 1.0), 0.5 * weights
     phi, bent = basis.shape(xi), basis.shape(xi, 2)
-    mass = np.einsum("q,iq,jq->ij", weights, phi, phi)
+    mass = np.einsum('q,iq,jq->ij', weights, phi, phi)
     assert mass == pytest.approx(0.25 * np.eye(count), abs=1e-10)
-    stiffness = np.einsum("q,iq,jq->ij", weights, bent, bent)
+    stiffness = np.einsum('q,iq,jq->ij', weights, bent, bent)
     scale = np.sqrt(np.outer(basis.stiffness, basis.stiffness))
     assert stiffness / scale == pytest.approx(np.eye(count), abs=1e-8)
     assert np.all(np.diff(basis.stiffness) > 0.0)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize('name', NAMES)
 def test_slope_and_curvature_are_the_derivatives(name: str) -> None:
     basis, h = basis_of(name, 5), 1e-5
     xi = np.array([0.13, 0.5, 0.87])
@@ -61,7 +74,7 @@ def test_slope_and_curvature_are_the_derivatives(name: str) -> None:
 
 def test_clamped_free_shapes_are_those_of_equation_8() -> None:
     """Twice the scale, so that the end deflects by 1; alternating signs taken out."""
-    modes, basis = ClampedFreeModes(1.0, 1.0, 1.0, 6), basis_of("clamped_free", 6)
+    modes, basis = ClampedFreeModes(1.0, 1.0, 1.0, 6), basis_of('clamped_free', 6)
     for xi in (0.2, 0.7, 1.0):
         sign = np.sign(modes.shape(1.0))
         assert basis.shape(xi)[:, 0] == pytest.approx(sign * modes.shape(xi) / 0.2, abs=1e-9)
@@ -80,7 +93,7 @@ def test_which_bases_carry_an_end_moment() -> None:
 
 
 def test_craig_bampton_contains_the_static_deflections() -> None:
-    basis, xi = basis_of("craig_bampton", 3), np.linspace(0.0, 1.0, 30)
+    basis, xi = basis_of('craig_bampton', 3), np.linspace(0.0, 1.0, 30)
     for static in (xi**2, 0.5 * xi**2 * (3.0 - xi)):
         shape = basis.shape(xi)
         part, *_ = np.linalg.lstsq(shape.T, static, rcond=None)
@@ -97,8 +110,8 @@ def test_roots_satisfy_their_equations() -> None:
     assert clamped_clamped_root(0) == pytest.approx(4.73004074, rel=1e-8)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("i", "j"), [(0, 0), (1, 2)])
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize(('i', 'j'), [(0, 0), (1, 2)])
 def test_integrals_by_adaptive_quadrature(name: str, i: int, j: int) -> None:
     basis = basis_of(name, 3)
     linear, short = linear_integrals(basis), shortening_integrals(basis)
@@ -131,11 +144,11 @@ def test_composite_rule_integrates_polynomials_exactly() -> None:
         assert np.sum(weights * nodes**power) == pytest.approx(1.0 / (power + 1), rel=1e-14)
 
 
-@pytest.mark.parametrize("hub", [0.0, 8.0])
-@pytest.mark.parametrize("count", [4, 5, 6])
+@pytest.mark.parametrize('hub', [0.0, 8.0])
+@pytest.mark.parametrize('count', [4, 5, 6])
 def test_arm_modes_do_not_hang_on_rounding(hub: float, count: int) -> None:
     """Equal links, folded, have pairs of modes of one frequency: any two of their plane will do."""
-    plant = PlantParameters(modes=count, hub_inertia=(hub, hub), basis="arm_modes")
+    plant = PlantParameters(modes=count, hub_inertia=(hub, hub), basis='arm_modes')
     heavier = replace(plant, mass_density=(0.335 * (1.0 + 1e-12), 0.335))
     for one, other in zip(arm_bases(plant), arm_bases(heavier), strict=True):
         assert other.stiffness == pytest.approx(one.stiffness, rel=1e-9)

@@ -1,19 +1,32 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Beam modes against closed forms, quadrature and the published frequencies."""
 
 from __future__ import annotations
 
 import math
 
+from flexarm_ros.core.beam import AMPLITUDE, clamped_free_root, ClampedFreeModes
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexarm_ros.core.beam import AMPLITUDE, ClampedFreeModes, clamped_free_root
-
 LINK = ClampedFreeModes(4.5, 0.335, 1676.0, 6)
 
 
-@pytest.mark.parametrize("index", range(12))
+@pytest.mark.parametrize('index', range(12))
 def test_roots_solve_the_characteristic_equation(index: int) -> None:
     def equation(z: float) -> float:
         return math.cos(z) + 1.0 / math.cosh(z)
@@ -37,13 +50,13 @@ def as_printed(i: int, x: float) -> float:
     return 0.1 * (math.cosh(z) - math.cos(z) - k * (math.sinh(z) - math.sin(z)))
 
 
-@pytest.mark.parametrize("x", [0.0, 0.1, 1.0, 2.25, 4.0, 4.5])
+@pytest.mark.parametrize('x', [0.0, 0.1, 1.0, 2.25, 4.0, 4.5])
 def test_shape_is_equation_8(x: float) -> None:
     # (8) as printed loses digits as exp(z): 1e-16 * 1e7 for the sixth mode.
     assert LINK.shape(x) == pytest.approx([as_printed(i, x) for i in range(6)], abs=1e-9)
 
 
-@pytest.mark.parametrize("x", [0.3, 2.25, 4.4])
+@pytest.mark.parametrize('x', [0.3, 2.25, 4.4])
 def test_slope_and_curvature_are_derivatives(x: float) -> None:
     h = 1e-4
     slope = (LINK.shape(x + h) - LINK.shape(x - h)) / (2 * h)

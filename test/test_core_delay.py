@@ -1,16 +1,29 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Delay lines against closed forms."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
+from flexarm_ros.core.delay import BufferDelay, PadeDelay
 from hypothesis import given, settings
 from hypothesis import strategies as st
+import numpy as np
+import pytest
 from scipy import signal
-
-from flexarm_ros.core.delay import BufferDelay, PadeDelay
 
 PERIOD = 1_000_000
 
@@ -65,7 +78,7 @@ def test_latency_beyond_the_history_is_refused() -> None:
     line = BufferDelay(PERIOD, 0)
     line.set_latency_ns(999_999_999)
     for bad in (2_000_000_000, -1):
-        with pytest.raises(ValueError, match="allowed: 0 to"):
+        with pytest.raises(ValueError, match='allowed: 0 to'):
             line.set_latency_ns(bad)
     long = BufferDelay(1_000, 100_000_000)
     assert long.step(0, 1.0, 2.0, 3.0, 4.0) == (1.0, 2.0, 3.0, 4.0)
@@ -76,7 +89,7 @@ def transfer(tau: float) -> tuple[list[float], list[float]]:
     return [tau**2 / 12, -tau / 2, 1.0], [tau**2 / 12, tau / 2, 1.0]
 
 
-@pytest.mark.parametrize("latency", [200_000, 1_238_000, 31_200_000])
+@pytest.mark.parametrize('latency', [200_000, 1_238_000, 31_200_000])
 def test_pade_is_the_exact_response_to_a_linear_input(latency: int) -> None:
     tau = latency * 1e-9
     values = np.cumsum(np.random.default_rng(3).normal(size=(200, 4)), axis=0)
@@ -112,7 +125,7 @@ def test_pade_step_response_in_closed_form() -> None:
     assert found[-1] == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("omega", [2.0, 10.0, 30.0])
+@pytest.mark.parametrize('omega', [2.0, 10.0, 30.0])
 def test_frequency_responses(omega: float) -> None:
     """Gain and phase of both lines on a sine against exp(-jwT) and Pade's formula."""
     tau, period = 0.0312, 100_000

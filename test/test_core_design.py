@@ -1,25 +1,38 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the planning laws are computed from, against SciPy and against the plant itself."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+from flexarm_ros import scenario
+from flexarm_ros.core.control.design import model
+from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
+from flexarm_ros.core.control.design.motion import APART, around, make_arm, model_of
+from flexarm_ros.core.control.design.plan import Grid, Motion
+from flexarm_ros.core.control.design.regulator import fill_regulator, RegulatorWeights
+from flexarm_ros.core.plant_full_dynamics import acceleration, step
+from flexarm_ros.core.plant_full_model import Constants, link_bases, make_constants_on
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from flexarm_ros import scenario
-from flexarm_ros.core.control.design import model
-from flexarm_ros.core.control.design.filter import UNKNOWNS, FilterModel, fill_filter
-from flexarm_ros.core.control.design.motion import APART, around, make_arm, model_of
-from flexarm_ros.core.control.design.plan import Grid, Motion
-from flexarm_ros.core.control.design.regulator import RegulatorWeights, fill_regulator
-from flexarm_ros.core.plant_full_dynamics import acceleration, step
-from flexarm_ros.core.plant_full_model import Constants, link_bases, make_constants_on
-
 N = 8
 PERIOD = 0.001
-PLANT = model_of(scenario.load("lqg_smooth"))
+PLANT = model_of(scenario.load('lqg_smooth'))
 ARM = make_arm(PLANT, 9.0)
 
 
@@ -55,7 +68,7 @@ def at_rest(count: int, ticks: int) -> tuple[Grid, Motion]:
     return Grid(ticks, 2, PERIOD / 2), motion
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize('seed', range(3))
 def test_a_linearised_tick_is_the_plants(seed: int) -> None:
     """To third order in the tick: a quarter of it leaves a sixty-fourth of the error."""
     state = state_at(seed)

@@ -1,25 +1,38 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The eq14 plant against matrices assembled another way, theory and convergence."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-
-import numpy as np
-import pytest
-from scipy.linalg import eigh
+import math
 
 from flexarm_ros.core.beam import clamped_free_root
 from flexarm_ros.core.linear import solve_symmetric
 from flexarm_ros.core.parameters import PlantParameters, RunConfig, RunParameters
 from flexarm_ros.core.plant import (
     DEFLECTION_LIMIT,
-    STABLE_PHASE,
     highest_frequency,
     instability,
     make_plant,
+    STABLE_PHASE,
 )
 from flexarm_ros.core.plant_eq14 import Eq14Matrices
+import numpy as np
+import pytest
+from scipy.linalg import eigh
 
 LOADED = PlantParameters(
     modes=3,
@@ -94,8 +107,8 @@ def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndar
     return mass, stiffness
 
 
-@pytest.mark.parametrize("plant", [PlantParameters(), PlantParameters(modes=6), LOADED])
-@pytest.mark.parametrize("theta2", [0.0, 0.7, math.pi / 2, 2.9])
+@pytest.mark.parametrize('plant', [PlantParameters(), PlantParameters(modes=6), LOADED])
+@pytest.mark.parametrize('theta2', [0.0, 0.7, math.pi / 2, 2.9])
 def test_matrices_and_frequencies_assembled_another_way(plant, theta2: float) -> None:
     mass, stiffness = independent_matrices(plant, theta2)
     ours = Eq14Matrices(plant)
@@ -127,7 +140,7 @@ def frequencies(plant: PlantParameters, locked: tuple[int, ...]) -> np.ndarray:
 CHAIN = {(): [40.2176, 69.5835, 149.6460, 201.3070], (0,): [8.6184, 53.8547, 77.5661, 174.5240]}
 
 
-@pytest.mark.parametrize("locked", [(), (0,)])
+@pytest.mark.parametrize('locked', [(), (0,)])
 def test_two_links_converge_to_the_exact_frequencies_from_above(locked) -> None:
     """As Rayleigh and Ritz have it; a free elbow passes no moment on, so it is quick."""
     exact, before = np.array(CHAIN[locked]), np.full(4, np.inf)
@@ -154,8 +167,8 @@ def rigid_mass(plant: PlantParameters, theta2: float) -> np.ndarray:
     return Eq14Matrices(plant).mass_at(theta2)[:2, :2]
 
 
-@pytest.mark.parametrize("plant", [PlantParameters(), LOADED])
-@pytest.mark.parametrize("state", [(0.3, 0.8, 1.1, -0.7), (-2.0, 2.5, -0.4, 1.9)])
+@pytest.mark.parametrize('plant', [PlantParameters(), LOADED])
+@pytest.mark.parametrize('state', [(0.3, 0.8, 1.1, -0.7), (-2.0, 2.5, -0.4, 1.9)])
 def test_one_step_satisfies_equation_14(plant, state: tuple[float, ...]) -> None:
     """M q'' + C q' + K q = tau with C from the Christoffel symbols of the rigid block."""
     torque = np.array([3.0, -2.0])
@@ -215,7 +228,7 @@ def test_too_few_substeps_are_refused_and_enough_are_stable() -> None:
     highest = highest_frequency(config)
     least = math.ceil(highest * 0.001 / STABLE_PHASE)
     assert least > 1
-    with pytest.raises(ValueError, match=rf"^plant.substeps: {least - 1} .*allowed: {least} or"):
+    with pytest.raises(ValueError, match=rf'^plant.substeps: {least - 1} .*allowed: {least} or'):
         make_plant(replace(config, plant=replace(plant, substeps=least - 1)))
     arm = make_plant(replace(config, plant=replace(plant, substeps=least)))
     arm.set_state(np.full(14, 1e-3), np.zeros(14))
@@ -230,14 +243,14 @@ def test_instability_names_the_quantity() -> None:
     arm = make_plant(RunConfig())
     assert instability(arm) is None
     arm.set_state([0.0, 0.0, 0.0, DEFLECTION_LIMIT / 0.2 + 0.1], np.zeros(4))
-    assert "link2" in (instability(arm) or "")
+    assert 'link2' in (instability(arm) or '')
     arm.set_state([0.0, 0.0, 0.0, 0.0], [0.0, math.nan, 0.0, 0.0])
-    assert instability(arm) == "rate of elbow: nan"
+    assert instability(arm) == 'rate of elbow: nan'
     arm.set_state([math.inf, 0.0, 0.0, 0.0], np.zeros(4))
-    assert instability(arm) == "shoulder: inf"
+    assert instability(arm) == 'shoulder: inf'
 
 
-@pytest.mark.parametrize("size", [1, 2, 4, 14])
+@pytest.mark.parametrize('size', [1, 2, 4, 14])
 def test_solver_against_numpy(size: int) -> None:
     rng = np.random.default_rng(size)
     root = rng.normal(size=(size, size))

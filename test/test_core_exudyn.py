@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The full model against another multibody code; the long motions are slow."""
 
 from __future__ import annotations
@@ -7,11 +21,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from validation.cases import CASES
-from validation.motion import Difference, compare, fly, full_plant
+from validation.motion import compare, Difference, fly, full_plant
 
-pytest.importorskip("exudyn", reason="has wheels for x86_64 only")
+pytest.importorskip('exudyn', reason='has wheels for x86_64 only')
 from validation import exudyn_arm
 from validation.another_code import LIMIT, TIP_LIMIT
 
@@ -37,8 +50,8 @@ def judge(found: Difference) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "duration"),
-    [("shoulder_pulse", 3.0), ("pulses_both", 2.0), ("free_bent", 2.0), ("payload_pulse", 1.5)],
+    ('name', 'duration'),
+    [('shoulder_pulse', 3.0), ('pulses_both', 2.0), ('free_bent', 2.0), ('payload_pulse', 1.5)],
 )
 def test_pulses_and_free_flight(name: str, duration: float) -> None:
     """Deflections up to 4.6 % of the length; on a mesh that is coarse but fine enough for 1 %."""
@@ -46,14 +59,14 @@ def test_pulses_and_free_flight(name: str, duration: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["torques_both", "torques_opposed", "free_bent"])
+@pytest.mark.parametrize('name', ['torques_both', 'torques_opposed', 'free_bent'])
 def test_five_seconds(name: str) -> None:
     judge(difference(name, exudyn_arm.FINE, 5.0))
 
 
 def test_the_comparison_would_see_a_stiffness_wrong_by_a_tenth() -> None:
-    case = CASES["shoulder_pulse"]
-    reference = solved("shoulder_pulse", exudyn_arm.COARSE, 3.0)
+    case = CASES['shoulder_pulse']
+    reference = solved('shoulder_pulse', exudyn_arm.COARSE, 3.0)
     plant = full_plant(modes=4, flexural_rigidity=(1.1 * 1676.0, 1.1 * 1676.0))
     found = compare(fly(plant, case, every=20)[: len(reference)], reference)
     assert max(found.angles) > LIMIT

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The exact fuzzy gain against its definition, scikit-fuzzy and known values."""
 
 from __future__ import annotations
@@ -5,15 +19,14 @@ from __future__ import annotations
 import subprocess
 import sys
 
+from flexarm_ros.core.fls import fls_lambda
+from flexarm_ros.core.fls_definition import build, describe, INPUT_SETS, OUTPUT_SETS, RULES
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 import skfuzzy
-from hypothesis import given
-from hypothesis import strategies as st
 from skfuzzy import control
-
-from flexarm_ros.core.fls import fls_lambda
-from flexarm_ros.core.fls_definition import INPUT_SETS, OUTPUT_SETS, RULES, build, describe
 
 UNIVERSE = np.linspace(0.0, 1.0, 2001)
 SHAPES = {label: skfuzzy.trimf(UNIVERSE, feet) for label, feet in OUTPUT_SETS.items()}
@@ -38,7 +51,7 @@ def from_definition(a: float, b: float) -> float:
     for (first, second), out in RULES.items():
         strength = min(degree[0][first], degree[1][second])
         total = np.fmax(total, np.fmin(strength, SHAPES[out]))
-    return float(skfuzzy.defuzz(UNIVERSE, total, "centroid"))
+    return float(skfuzzy.defuzz(UNIVERSE, total, 'centroid'))
 
 
 # Symmetry is a test of its own, so one quadrant will do; the origin is the steep place.
@@ -53,7 +66,7 @@ def test_dense_grid_against_the_definition() -> None:
     assert max(abs(fls_lambda(a, b) - from_definition(a, b)) for a, b in signed) < SAMPLING
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def simulation() -> control.ControlSystemSimulation:
     return control.ControlSystemSimulation(build(2001), cache=False)
 
@@ -64,16 +77,16 @@ POINTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.filterwarnings("ignore:Passing more than 2 positional:DeprecationWarning")
-@pytest.mark.parametrize(("a", "b"), POINTS)
+@pytest.mark.filterwarnings('ignore:Passing more than 2 positional:DeprecationWarning')
+@pytest.mark.parametrize(('a', 'b'), POINTS)
 def test_scikit_fuzzys_own_control_system(simulation, a: float, b: float) -> None:
-    simulation.input["delta1"], simulation.input["delta2"] = a, b
+    simulation.input['delta1'], simulation.input['delta2'] = a, b
     simulation.compute()
-    assert fls_lambda(a, b) == pytest.approx(simulation.output["lambda"], abs=SAMPLING)
+    assert fls_lambda(a, b) == pytest.approx(simulation.output['lambda'], abs=SAMPLING)
 
 
 @pytest.mark.parametrize(
-    ("a", "b", "expected"),
+    ('a', 'b', 'expected'),
     [
         (0.0, 0.0, 1 / 6), (-1.0, -1.0, 5 / 6), (1.0, -1.0, 5 / 6), (-1.0, 0.0, 0.5),
         (0.0, 1.0, 0.5), (0.01, 0.0, 0.17807),
@@ -106,14 +119,14 @@ def test_beyond_the_universe_counts_as_its_end() -> None:
 
 def test_description_names_every_rule_and_set() -> None:
     text = describe()
-    assert text.count("IF delta1 is") == 9
-    assert "IF delta1 is N AND delta2 is P THEN lambda is PMAX" in text
-    assert text.count("triangle") == len(INPUT_SETS) + len(OUTPUT_SETS)
+    assert text.count('IF delta1 is') == 9
+    assert 'IF delta1 is N AND delta2 is P THEN lambda is PMAX' in text
+    assert text.count('triangle') == len(INPUT_SETS) + len(OUTPUT_SETS)
 
 
 def test_the_loop_does_not_import_scikit_fuzzy() -> None:
     code = (
-        "import sys, flexarm_ros.core.warmup, flexarm_ros.core.fls_definition;"
+        'import sys, flexarm_ros.core.warmup, flexarm_ros.core.fls_definition;'
         "sys.exit(any(m.split('.')[0] in ('skfuzzy', 'rclpy') for m in sys.modules))"
     )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0

@@ -1,24 +1,37 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The full model against its definition, conservation laws, theory and convergence."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-
-import numpy as np
-import pytest
-from scipy.linalg import eigh
+import math
 
 from flexarm_ros.core.parameters import PlantParameters, RunConfig, RunParameters
-from flexarm_ros.core.plant import STABLE_PHASE, highest_frequency, instability, make_plant
+from flexarm_ros.core.plant import highest_frequency, instability, make_plant, STABLE_PHASE
 from flexarm_ros.core.plant_full import FullPlant, mass_matrix
 from flexarm_ros.core.plant_full_dynamics import make_work, mass_and_bias
 from flexarm_ros.core.plant_full_model import link_bases, make_constants
+import numpy as np
+import pytest
+from scipy.linalg import eigh
 from validation import conservation, rotation
 from validation.motion import full_plant, start
 
 LOADED = PlantParameters(
-    model="full",
+    model='full',
     modes=3,
     length=(4.0, 5.0),
     mass_density=(0.4, 0.3),
@@ -52,7 +65,7 @@ class Points:
         for link, (s, phi, short, slope) in enumerate(self.shapes):
             angle += q[link]
             a = q[2 + link * n : 2 + (link + 1) * n]
-            along = s - 0.5 * np.einsum("i,qij,j->q", a, short, a)
+            along = s - 0.5 * np.einsum('i,qij,j->q', a, short, a)
             across = a @ phi
             axis = np.array([math.cos(angle), math.sin(angle)])
             normal = np.array([-axis[1], axis[0]])
@@ -102,15 +115,15 @@ def state(plant: PlantParameters, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return q, qd
 
 
-@pytest.mark.parametrize("basis", ["arm_modes", "craig_bampton", "clamped_free"])
-@pytest.mark.parametrize("loaded", [False, True])
+@pytest.mark.parametrize('basis', ['arm_modes', 'craig_bampton', 'clamped_free'])
+@pytest.mark.parametrize('loaded', [False, True])
 def test_mass_matrix_and_bias_are_those_of_the_moving_points(basis: str, loaded: bool) -> None:
     """sum m J' (J q'' + J' q') = tau - K q for points that move as the map says, at any state."""
     plant = replace(LOADED if loaded else full_plant(modes=2), basis=basis)
     points, n = Points(plant), plant.modes
     q, qd = state(plant, 3)
     jacobian, masses = points.jacobian(q), points.masses()
-    mass = np.einsum("p,pxi,pxj->ij", masses, jacobian, jacobian)
+    mass = np.einsum('p,pxi,pxj->ij', masses, jacobian, jacobian)
     for inertia, row in points.turning():
         mass += inertia * np.outer(row, row)
     assert mass_matrix(plant, q) == pytest.approx(mass, rel=1e-7, abs=1e-7)
@@ -120,7 +133,7 @@ def test_mass_matrix_and_bias_are_those_of_the_moving_points(basis: str, loaded:
     near = points.places(q + h * qd) + points.places(q - h * qd)
     far = points.places(q + 2 * h * qd) + points.places(q - 2 * h * qd)
     rest = (16.0 * near - far - 30.0 * points.places(q)) / (12.0 * h * h)
-    bias = np.einsum("p,pxi,px->i", masses, jacobian, rest)
+    bias = np.einsum('p,pxi,px->i', masses, jacobian, rest)
     found, lower = np.zeros(2 + 2 * n), np.zeros((2 + 2 * n,) * 2)
     mass_and_bias(make_constants(plant), q, qd, lower, found, make_work(n))
     assert found == pytest.approx(bias, rel=1e-6, abs=1e-6)
@@ -142,7 +155,7 @@ def test_momentum_is_the_angular_momentum_about_the_shoulder() -> None:
     assert arm.energy() - elastic == pytest.approx(float(kinetic), rel=1e-8)
 
 
-@pytest.mark.parametrize("modes", [1, 4])
+@pytest.mark.parametrize('modes', [1, 4])
 def test_energy_and_momentum_stay_in_free_motion(modes: int) -> None:
     plant = full_plant(modes=modes)
     assert max(conservation.drift(plant, pulse=20.0)) < 1e-6
@@ -164,7 +177,7 @@ def test_eq14_conserves_neither() -> None:
     assert momentum > 0.01
 
 
-@pytest.mark.parametrize("speed", [1.0, 3.0, 6.0, 12.0])
+@pytest.mark.parametrize('speed', [1.0, 3.0, 6.0, 12.0])
 def test_a_rotating_link_stiffens_as_published(speed: float) -> None:
     """Wright et al. 1982; without the foreshortening the first one falls instead."""
     found = rotation.lead_lag(speed, modes=6)
@@ -206,7 +219,7 @@ def test_very_stiff_links_move_as_rigid_ones() -> None:
 def test_modal_damping_decays_at_its_ratio() -> None:
     """One link on a huge hub: its first coordinate is a damped oscillator."""
     plant = full_plant(
-        modes=1, basis="clamped_free", hub_inertia=(1e12, 1e12), damping_ratio=0.02,
+        modes=1, basis='clamped_free', hub_inertia=(1e12, 1e12), damping_ratio=0.02,
         length=(4.5, 0.1), mass_density=(0.335, 1e-7), flexural_rigidity=(1676.0, 1e-5),
     )  # fmt: skip
     arm = start(plant, (0.0, 0.0))
@@ -245,7 +258,7 @@ def test_too_few_substeps_are_refused_and_the_least_allowed_are_stable() -> None
     highest = highest_frequency(config)
     least = math.ceil(highest * 0.001 / STABLE_PHASE)
     assert least > 1
-    with pytest.raises(ValueError, match=rf"^plant.substeps: {least - 1} .*allowed: {least} or"):
+    with pytest.raises(ValueError, match=rf'^plant.substeps: {least - 1} .*allowed: {least} or'):
         make_plant(replace(config, plant=replace(plant, substeps=least - 1)))
     arm = start(replace(plant, substeps=least), (0.0, 1.0), (1.0, -0.5))
     for _ in range(2000):

@@ -1,17 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Kinematics: round trips, derivatives and rigid limits."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 from flexarm_ros.core.beam import ClampedFreeModes
 from flexarm_ros.core.kinematics import inverse_kinematics, jacobian, make_point
 from flexarm_ros.core.parameters import PlantParameters
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
 
 lengths = st.tuples(st.floats(0.5, 10.0), st.floats(0.5, 10.0))
 angle = st.floats(-3.1, 3.1)
@@ -32,7 +45,7 @@ def test_inverse_of_the_forward_kinematics(arm, theta1: float, theta2: float) ->
 @given(lengths, st.floats(1e-6, 10.0), angle)
 def test_out_of_reach_is_refused(arm, excess: float, direction: float) -> None:
     radius = sum(arm) * (1 + 1e-8) + excess
-    with pytest.raises(ValueError, match="reached are"):
+    with pytest.raises(ValueError, match='reached are'):
         inverse_kinematics(arm, radius * math.cos(direction), radius * math.sin(direction))
 
 
@@ -41,9 +54,9 @@ def test_straight_arm_within_rounding_is_reached() -> None:
     assert (theta1, theta2) == pytest.approx((0.3, 0.0), abs=1e-7)
 
 
-@pytest.mark.parametrize("model", ["eq14", "full"])
-@pytest.mark.parametrize("location", [1.3, 4.5, 6.75, 9.0])
-@pytest.mark.parametrize("elastic", [False, True])
+@pytest.mark.parametrize('model', ['eq14', 'full'])
+@pytest.mark.parametrize('location', [1.3, 4.5, 6.75, 9.0])
+@pytest.mark.parametrize('elastic', [False, True])
 def test_velocity_is_the_derivative_of_position(model, location: float, elastic: bool) -> None:
     plant = PlantParameters(model=model, modes=3)
     point = make_point(plant, location, elastic)
@@ -55,7 +68,7 @@ def test_velocity_is_the_derivative_of_position(model, location: float, elastic:
     assert point(q, qd)[2:] == pytest.approx(velocity, rel=1e-7, abs=1e-7)
 
 
-@pytest.mark.parametrize("model", ["eq14", "full"])
+@pytest.mark.parametrize('model', ['eq14', 'full'])
 def test_straight_links_move_as_rigid_ones(model: str) -> None:
     plant = PlantParameters(model=model, modes=2, length=(4.0, 5.0))
     q, qd = np.array([0.4, 1.1, 0, 0, 0, 0]), np.array([0.7, -0.2, 0, 0, 0, 0])

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Metrics on data made by hand."""
 
 from __future__ import annotations
@@ -5,12 +19,11 @@ from __future__ import annotations
 import math
 import tracemalloc
 
-import numpy as np
-import pytest
-
 from flexarm_ros.core.metrics import Metrics
 from flexarm_ros.core.parameters import RunConfig, RunParameters, TrajectoryParameters
 from flexarm_ros.core.rows import COLUMNS
+import numpy as np
+import pytest
 
 CONFIG = RunConfig(run=RunParameters(control_period=0.1, duration=16.0))
 
@@ -33,50 +46,50 @@ def test_errors_are_distances_from_the_reference() -> None:
         row(delta1=-0.5, delta2=0.3, tau1=7.0, tau2=-9.0),
     ]
     found = fill(CONFIG, rows)
-    assert found["rms_error"] == pytest.approx(math.sqrt(25.0 / 3))
-    assert found["max_error"] == pytest.approx(5.0)
-    assert found["tip_rms_error"] == pytest.approx(math.sqrt((1 + 4) / 3))
-    assert found["tip_max_error"] == pytest.approx(2.0)
-    assert (found["max_deflection"], found["max_torque"], found["ticks"]) == (0.5, 9.0, 3)
+    assert found['rms_error'] == pytest.approx(math.sqrt(25.0 / 3))
+    assert found['max_error'] == pytest.approx(5.0)
+    assert found['tip_rms_error'] == pytest.approx(math.sqrt((1 + 4) / 3))
+    assert found['tip_max_error'] == pytest.approx(2.0)
+    assert (found['max_deflection'], found['max_torque'], found['ticks']) == (0.5, 9.0, 3)
 
 
 def square_rows(ticks: int = 160) -> list[tuple[float, ...]]:
     """Upper corner passed by 0.7 m (tip 0.9), the right one never, the lower by 0.2 m."""
     rows = []
     for k in range(ticks):
-        values = {"rigid_x": 0.0, "rigid_y": 0.0, "tip_x": 0.0, "tip_y": 0.0}
+        values = {'rigid_x': 0.0, 'rigid_y': 0.0, 'tip_x': 0.0, 'tip_y': 0.0}
         if k == 39:
-            values |= {"rigid_y": 20.0}  # before the switch: not an overshoot of it
+            values |= {'rigid_y': 20.0}  # before the switch: not an overshoot of it
         if k == 45:
-            values |= {"rigid_y": 7.0, "tip_y": 7.2}
+            values |= {'rigid_y': 7.0, 'tip_y': 7.2}
         if k == 50:
-            values |= {"rigid_y": 6.6}
+            values |= {'rigid_y': 6.6}
         if k == 51:
-            values |= {"rigid_y": 9.0}  # more than a second after it
+            values |= {'rigid_y': 9.0}  # more than a second after it
         if k == 83:
-            values |= {"rigid_x": 6.2}
+            values |= {'rigid_x': 6.2}
         if k == 130:
-            values |= {"rigid_y": -6.5}  # exactly one second after it
+            values |= {'rigid_y': -6.5}  # exactly one second after it
         rows.append(row(**values))
     return rows
 
 
 def test_overshoot_is_along_the_old_direction_within_a_second() -> None:
     found = fill(CONFIG, square_rows())
-    assert found["overshoot"] == pytest.approx([0.7, 0.0, 0.2])
-    assert found["tip_overshoot"] == pytest.approx([0.9, 0.0, 0.0])
-    assert found["max_overshoot"] == pytest.approx(0.7)
+    assert found['overshoot'] == pytest.approx([0.7, 0.0, 0.2])
+    assert found['tip_overshoot'] == pytest.approx([0.9, 0.0, 0.0])
+    assert found['max_overshoot'] == pytest.approx(0.7)
 
 
 def test_a_run_broken_off_has_null_for_what_was_not_reached() -> None:
     found = fill(CONFIG, square_rows(60))
-    assert found["overshoot"] == [pytest.approx(0.7), None, None]
-    assert found["max_overshoot"] == pytest.approx(0.7)
+    assert found['overshoot'] == [pytest.approx(0.7), None, None]
+    assert found['max_overshoot'] == pytest.approx(0.7)
     empty = fill(CONFIG, [])
-    assert empty["rms_error"] is None
-    assert empty["max_torque"] is None
-    assert empty["overshoot"] == [None, None, None]
-    assert empty["max_overshoot"] is None
+    assert empty['rms_error'] is None
+    assert empty['max_torque'] is None
+    assert empty['overshoot'] == [None, None, None]
+    assert empty['max_overshoot'] is None
 
 
 def test_asking_in_between_changes_nothing() -> None:
@@ -92,14 +105,14 @@ def test_asking_in_between_changes_nothing() -> None:
 
 def test_what_is_not_finite_is_null() -> None:
     found = fill(CONFIG, [row(rigid_x=math.inf, delta1=math.inf)])
-    assert found["rms_error"] is None
-    assert found["max_deflection"] is None
-    assert found["tip_max_error"] == 0.0
+    assert found['rms_error'] is None
+    assert found['max_deflection'] is None
+    assert found['tip_max_error'] == 0.0
 
 
 def test_waypoints_and_hold() -> None:
     trajectory = TrajectoryParameters(
-        kind="waypoints",
+        kind='waypoints',
         waypoint_times=(0.0, 1.0, 2.0),
         waypoint_x=(2.0, 4.0, 4.0),
         waypoint_y=(0.0, 0.0, 3.0),
@@ -108,21 +121,21 @@ def test_waypoints_and_hold() -> None:
     rows = [
         row(rigid_x=4.25 if k == 12 else 0.0, rigid_y=3.5 if k == 30 else 0.0) for k in range(40)
     ]
-    assert fill(config, rows)["overshoot"] == pytest.approx([0.25, 0.5])
-    hold = RunConfig(run=CONFIG.run, trajectory=TrajectoryParameters(kind="hold"))
-    assert fill(hold, rows)["overshoot"] == []
+    assert fill(config, rows)['overshoot'] == pytest.approx([0.25, 0.5])
+    hold = RunConfig(run=CONFIG.run, trajectory=TrajectoryParameters(kind='hold'))
+    assert fill(hold, rows)['overshoot'] == []
 
 
 def test_overlapping_seconds_at_short_sides() -> None:
     trajectory = TrajectoryParameters(side_time=0.5)
     config = RunConfig(run=RunParameters(control_period=0.1, duration=2.0), trajectory=trajectory)
     rows = [row(rigid_x=0.0, rigid_y=6.4 if k == 14 else 0.0) for k in range(20)]
-    assert fill(config, rows)["overshoot"] == pytest.approx([0.1, 0.0, 0.0])
+    assert fill(config, rows)['overshoot'] == pytest.approx([0.1, 0.0, 0.0])
 
 
 def test_memory_does_not_grow_with_the_run() -> None:
     config = RunConfig(
-        run=RunParameters(duration=1e4), trajectory=TrajectoryParameters(kind="hold")
+        run=RunParameters(duration=1e4), trajectory=TrajectoryParameters(kind='hold')
     )
     metrics = Metrics(config)
     item = row(rigid_x=1.0)

@@ -1,19 +1,32 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Natural frequencies against exact ones: tables, dynamic stiffness, published arms."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 import math
-from dataclasses import replace
-
-import numpy as np
-import pytest
-from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 from flexarm_ros.cli import main
 from flexarm_ros.core.modes import JOINTS, linearise, natural_frequencies
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
 from validation import dynamic_stiffness, frequencies
 from validation.dynamic_stiffness import Chain
 from validation.motion import full_plant
@@ -22,10 +35,10 @@ LIMIT = 0.005
 
 # The reference solutions' table, theta2 = 0, no hubs; rad/s.
 STRAIGHT = {
-    "locked": [3.0703, 19.2412, 53.8760, 105.5750],
-    "free": [40.2176, 69.5835, 149.6460, 201.3070],
-    "elbow-locked": [13.4637, 43.6309, 91.0324, 155.6710],
-    "shoulder-locked": [8.6184, 53.8547, 77.5661, 174.5240],
+    'locked': [3.0703, 19.2412, 53.8760, 105.5750],
+    'free': [40.2176, 69.5835, 149.6460, 201.3070],
+    'elbow-locked': [13.4637, 43.6309, 91.0324, 155.6710],
+    'shoulder-locked': [8.6184, 53.8547, 77.5661, 174.5240],
 }
 
 
@@ -33,7 +46,7 @@ def found(plant: PlantParameters, theta2: float, joints: str) -> np.ndarray:
     return natural_frequencies(RunConfig(plant=plant), theta2, joints)
 
 
-@pytest.mark.parametrize("joints", JOINTS)
+@pytest.mark.parametrize('joints', JOINTS)
 def test_the_oracle_itself_against_the_table(joints: str) -> None:
     exact = dynamic_stiffness.frequencies(Chain(), 0.0, *JOINTS[joints])
     assert exact == pytest.approx(STRAIGHT[joints], rel=1e-5)
@@ -51,13 +64,13 @@ def test_the_oracle_finds_every_root_of_a_single_beam() -> None:
 
     clamped = [z**2 * unit for z in roots(lambda z: math.cos(z) + 1.0 / math.cosh(z))]
     pinned = [z**2 * unit for z in roots(lambda z: math.sin(z) - math.cos(z) * math.tanh(z))]
-    for joints, exact in (("locked", clamped), ("elbow-locked", pinned)):
+    for joints, exact in (('locked', clamped), ('elbow-locked', pinned)):
         chain = dynamic_stiffness.frequencies(Chain(), 0.0, *JOINTS[joints], count=7)
         assert chain == pytest.approx(exact[:7], rel=1e-7)
 
 
-@pytest.mark.parametrize("joints", JOINTS)
-@pytest.mark.parametrize("hub", [0.0, 8.0])
+@pytest.mark.parametrize('joints', JOINTS)
+@pytest.mark.parametrize('hub', [0.0, 8.0])
 def test_first_four_within_half_a_percent_with_four_functions(joints: str, hub: float) -> None:
     """At every elbow angle, also those where the basis was not fitted."""
     plant = full_plant(modes=4, hub_inertia=(hub, hub))
@@ -66,7 +79,7 @@ def test_first_four_within_half_a_percent_with_four_functions(joints: str, hub: 
         assert found(plant, float(theta2), joints)[:4] == pytest.approx(exact, rel=LIMIT)
 
 
-@pytest.mark.parametrize("joints", JOINTS)
+@pytest.mark.parametrize('joints', JOINTS)
 def test_first_four_against_the_table(joints: str) -> None:
     for modes in (4, 5, 6):
         assert found(full_plant(modes=modes), 0.0, joints)[:4] == pytest.approx(
@@ -75,12 +88,12 @@ def test_first_four_against_the_table(joints: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "keys",
+    'keys',
     [
-        {"payload_mass": 0.5, "payload_inertia": 0.1},
-        {"link_end_mass": 2.0, "link_end_inertia": 0.5, "payload_mass": 1.0},
-        {"length": (3.0, 6.0), "mass_density": (1.0, 0.2), "flexural_rigidity": (5000.0, 800.0)},
-        {"hub_inertia": (1.0, 8.0)},
+        {'payload_mass': 0.5, 'payload_inertia': 0.1},
+        {'link_end_mass': 2.0, 'link_end_inertia': 0.5, 'payload_mass': 1.0},
+        {'length': (3.0, 6.0), 'mass_density': (1.0, 0.2), 'flexural_rigidity': (5000.0, 800.0)},
+        {'hub_inertia': (1.0, 8.0)},
     ],
 )
 def test_other_arms_are_as_accurate(keys) -> None:
@@ -95,23 +108,23 @@ def test_other_arms_are_as_accurate(keys) -> None:
             assert found(plant, theta2, joints)[:4] == pytest.approx(exact, rel=LIMIT)
 
 
-@pytest.mark.parametrize("basis", ["arm_modes", "craig_bampton", "clamped_free"])
+@pytest.mark.parametrize('basis', ['arm_modes', 'craig_bampton', 'clamped_free'])
 def test_one_link_by_itself(basis: str) -> None:
     """Four functions serve the clamped link's four; the pinned one's fourth needs a fifth."""
     five, six = frequencies.single_link(basis, 5), frequencies.single_link(basis, 6)
-    assert np.abs(five["clamped-free"]).max() < LIMIT
-    assert np.abs(six["clamped-free"]).max() < LIMIT
-    assert np.abs(frequencies.single_link(basis, 5)["pinned-free"][:2]).max() < LIMIT
-    assert np.abs(six["pinned-free"][:3]).max() < LIMIT
-    if basis == "arm_modes":
+    assert np.abs(five['clamped-free']).max() < LIMIT
+    assert np.abs(six['clamped-free']).max() < LIMIT
+    assert np.abs(frequencies.single_link(basis, 5)['pinned-free'][:2]).max() < LIMIT
+    assert np.abs(six['pinned-free'][:3]).max() < LIMIT
+    if basis == 'arm_modes':
         four = frequencies.single_link(basis, 4)
-        assert np.abs(four["clamped-free"]).max() < LIMIT
-        assert np.abs(four["pinned-free"][:3]).max() < LIMIT
-        assert np.abs(five["pinned-free"]).max() < LIMIT
+        assert np.abs(four['clamped-free']).max() < LIMIT
+        assert np.abs(four['pinned-free'][:3]).max() < LIMIT
+        assert np.abs(five['pinned-free']).max() < LIMIT
 
 
-@pytest.mark.parametrize("basis", ["craig_bampton", "clamped_free"])
-@pytest.mark.parametrize("joints", JOINTS)
+@pytest.mark.parametrize('basis', ['craig_bampton', 'clamped_free'])
+@pytest.mark.parametrize('joints', JOINTS)
 def test_frequencies_fall_towards_the_exact_ones(basis: str, joints: str) -> None:
     """Rayleigh-Ritz: these bases contain those of fewer functions."""
     exact, before = frequencies.exact(0.0, 1.0, joints), np.full(4, np.inf)
@@ -124,28 +137,28 @@ def test_frequencies_fall_towards_the_exact_ones(basis: str, joints: str) -> Non
 
 def test_clamped_free_modes_converge_like_1_over_n_where_a_link_is_carried() -> None:
     theta2 = 0.5 * math.pi
-    exact = frequencies.exact(0.0, theta2, "locked")[1]
+    exact = frequencies.exact(0.0, theta2, 'locked')[1]
     errors = {
-        (basis, n): found(full_plant(modes=n, basis=basis), theta2, "locked")[1] / exact - 1.0
-        for basis in ("clamped_free", "craig_bampton", "arm_modes")
+        (basis, n): found(full_plant(modes=n, basis=basis), theta2, 'locked')[1] / exact - 1.0
+        for basis in ('clamped_free', 'craig_bampton', 'arm_modes')
         for n in (3, 6)
     }
-    assert errors["clamped_free", 3] / errors["clamped_free", 6] == pytest.approx(2.0, rel=0.1)
-    assert errors["clamped_free", 6] > 0.05
-    assert errors["craig_bampton", 6] < 1e-4
-    assert errors["arm_modes", 6] < 1e-4
+    assert errors['clamped_free', 3] / errors['clamped_free', 6] == pytest.approx(2.0, rel=0.1)
+    assert errors['clamped_free', 6] > 0.05
+    assert errors['craig_bampton', 6] < 1e-4
+    assert errors['arm_modes', 6] < 1e-4
 
 
-@pytest.mark.parametrize("name", list(frequencies.DE_LUCA))
+@pytest.mark.parametrize('name', list(frequencies.DE_LUCA))
 def test_de_luca_and_siciliano_1991(name: str) -> None:
     """To the digits that they print."""
     rigidity, published = frequencies.DE_LUCA[name]
-    hertz = found(frequencies.de_luca(rigidity), 0.5 * math.pi, "locked")[:2] / (2.0 * math.pi)
+    hertz = found(frequencies.de_luca(rigidity), 0.5 * math.pi, 'locked')[:2] / (2.0 * math.pi)
     assert [round(float(f), 2) for f in hertz] == pytest.approx(published, abs=0.011)
 
 
-@pytest.mark.parametrize("model", ["eq14", "full"])
-@pytest.mark.parametrize("joints", JOINTS)
+@pytest.mark.parametrize('model', ['eq14', 'full'])
+@pytest.mark.parametrize('joints', JOINTS)
 def test_frequencies_are_those_of_the_linear_arm(model: str, joints: str) -> None:
     """The elimination of the free joints against the eigenvalues with the rigid modes kept."""
     config = RunConfig(plant=PlantParameters(model=model, modes=3, hub_inertia=(2.0, 1.0)))
@@ -166,34 +179,34 @@ def test_elbow_angle_counts_as_its_cosine_only() -> None:
 
 
 def test_hub_of_a_locked_joint_does_not_matter() -> None:
-    plant = full_plant(modes=3, basis="craig_bampton")
+    plant = full_plant(modes=3, basis='craig_bampton')
     heavy = replace(plant, hub_inertia=(50.0, 70.0))
-    assert found(heavy, 0.4, "locked") == pytest.approx(found(plant, 0.4, "locked"), rel=1e-12)
+    assert found(heavy, 0.4, 'locked') == pytest.approx(found(plant, 0.4, 'locked'), rel=1e-12)
 
 
 def modes(*words: str) -> list[str]:
-    sets = ["plant.model=full", "plant.modes=4", "plant.hub_inertia=[0, 0]"]
-    return ["modes", "fls_tip", *words, *(word for key in sets for word in ("--set", key))]
+    sets = ['plant.model=full', 'plant.modes=4', 'plant.hub_inertia=[0, 0]']
+    return ['modes', 'fls_tip', *words, *(word for key in sets for word in ('--set', key))]
 
 
-@pytest.mark.parametrize("joints", JOINTS)
+@pytest.mark.parametrize('joints', JOINTS)
 def test_command_in_json(joints: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(modes("--joints", joints, "--elbow", "0", "--json")) == 0
+    assert main(modes('--joints', joints, '--elbow', '0', '--json')) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["joints"] == joints
-    assert answer["elbow"] == 0.0
-    assert answer["frequencies_rad_s"][:4] == pytest.approx(STRAIGHT[joints], rel=LIMIT)
+    assert answer['joints'] == joints
+    assert answer['elbow'] == 0.0
+    assert answer['frequencies_rad_s'][:4] == pytest.approx(STRAIGHT[joints], rel=LIMIT)
 
 
 def test_command_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(modes("--elbow", "1.5708")) == 0
+    assert main(modes('--elbow', '1.5708')) == 0
     out = capsys.readouterr().out
-    assert "model full, 4 modes a link, arm_modes" in out
-    assert "joints locked, elbow 1.5708 rad" in out
-    assert out.count("rad/s") == 8
+    assert 'model full, 4 modes a link, arm_modes' in out
+    assert 'joints locked, elbow 1.5708 rad' in out
+    assert out.count('rad/s') == 8
 
 
-@pytest.mark.parametrize("words", [["--elbow", "east"], ["--elbow", "nan"], ["--joints", "loose"]])
+@pytest.mark.parametrize('words', [['--elbow', 'east'], ['--elbow', 'nan'], ['--joints', 'loose']])
 def test_command_refuses_bad_usage(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(modes(*words)) == 2
     told = capsys.readouterr().err

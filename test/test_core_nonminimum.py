@@ -1,18 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The nonminimum-phase response: the tip starts the wrong way, as a beam without modes says."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-import pytest
-
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import RunConfig, RunParameters
 from flexarm_ros.core.plant import make_plant
+import numpy as np
+import pytest
 from validation.motion import full_plant
 from validation.nonminimum_phase import (
-    WAVE_SPEED,
     exact_real_zero,
     first_real_zero,
     held,
@@ -20,11 +32,12 @@ from validation.nonminimum_phase import (
     reversal,
     right_half_zeros,
     step_response,
+    WAVE_SPEED,
 )
 
 
-@pytest.mark.parametrize("hub", [0.0, 8.0])
-@pytest.mark.parametrize("location", [4.5, 6.75, 9.0])
+@pytest.mark.parametrize('hub', [0.0, 8.0])
+@pytest.mark.parametrize('location', [4.5, 6.75, 9.0])
 def test_the_lowest_real_zero_is_that_of_the_beam(hub: float, location: float) -> None:
     exact = exact_real_zero(location)
     assert first_real_zero(held(hub), location) == pytest.approx(exact, rel=0.01)

@@ -1,12 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Sensors: stamps, latency, counts, noise, rate and location."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-
-import numpy as np
-import pytest
+import math
 
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import (
@@ -16,8 +27,10 @@ from flexarm_ros.core.parameters import (
     RunParameters,
     TipSensorParameters,
 )
-from flexarm_ros.core.sensors import Encoder, TipSensor, check_location, ticks_per_sample
+from flexarm_ros.core.sensors import check_location, Encoder, ticks_per_sample, TipSensor
 from flexarm_ros.core.timeline import T0_NS
+import numpy as np
+import pytest
 
 MS = 1_000_000
 
@@ -32,12 +45,12 @@ def run(sensor, motion) -> list[tuple[int, float, float, float, float]]:
 
 
 def encoder(**keys) -> Encoder:
-    seed = keys.pop("seed", 0)
+    seed = keys.pop('seed', 0)
     return Encoder(RunConfig(run=RunParameters(seed=seed), encoder=EncoderParameters(**keys)))
 
 
 def tip(**keys) -> TipSensor:
-    seed = keys.pop("seed", 0)
+    seed = keys.pop('seed', 0)
     return TipSensor(
         RunConfig(run=RunParameters(seed=seed), tip_sensor=TipSensorParameters(**keys))
     )
@@ -100,15 +113,15 @@ def test_noise_is_seeded_by_seed_and_node() -> None:
     assert not np.array_equal(first, unit(encoder(noise_std=1.0, seed=1)))
     assert not np.allclose(first, unit(tip(noise_std=1.0)))
     # The sequence is pinned: PCG64 of this seed and name, on every machine.
-    sequence = np.random.SeedSequence(0, spawn_key=tuple(b"encoder"))
+    sequence = np.random.SeedSequence(0, spawn_key=tuple(b'encoder'))
     expected = np.random.Generator(np.random.PCG64(sequence)).standard_normal((50, 2))
     assert np.array_equal(first, expected)
 
 
-@pytest.mark.parametrize("measurand", ["rigid", "elastic"])
+@pytest.mark.parametrize('measurand', ['rigid', 'elastic'])
 def test_tip_sensor_measures_its_point(measurand: str) -> None:
     sensor = tip(location=6.75, measurand=measurand)
-    point = make_point(PlantParameters(), 6.75, measurand == "elastic")
+    point = make_point(PlantParameters(), 6.75, measurand == 'elastic')
     motion = states(10)
     for found, (q, qd) in zip(run(sensor, motion), motion, strict=True):
         assert found[1:] == point(q, qd)
@@ -123,7 +136,7 @@ def test_rate_below_the_control_rate_holds_the_sample_and_its_stamp() -> None:
         assert found[k][0] == T0_NS + (k - k % 4) * MS - 1_500_000
 
 
-@pytest.mark.parametrize("model", ["buffer", "pade2"])
+@pytest.mark.parametrize('model', ['buffer', 'pade2'])
 def test_latency_changed_while_running(model: str) -> None:
     sensor = tip(latency_model=model)
     still = states(1)[0]
@@ -133,27 +146,27 @@ def test_latency_changed_while_running(model: str) -> None:
         found = sensor.measure(k, *still)
         assert found[0] == T0_NS + k * MS - (5_250_000 if k >= 10 else 0)
         assert found[1:] == pytest.approx(make_point(PlantParameters(), 9.0, False)(*still))
-    with pytest.raises(ValueError, match="^tip_sensor.latency: -1 ns"):
+    with pytest.raises(ValueError, match='^tip_sensor.latency: -1 ns'):
         sensor.set_latency_ns(-1)
 
 
 @pytest.mark.parametrize(
-    ("rate", "period_ns", "ticks"),
+    ('rate', 'period_ns', 'ticks'),
     [(0.0, MS, 1), (1000.0, MS, 1), (250.0, MS, 4), (0.1, MS, 10_000), (1e5, 10_000, 1)],
 )
 def test_whole_ticks_a_sample(rate: float, period_ns: int, ticks: int) -> None:
     assert ticks_per_sample(rate, period_ns) == ticks
 
 
-@pytest.mark.parametrize("rate", [30.0, 2000.0, 999.9999999])
+@pytest.mark.parametrize('rate', [30.0, 2000.0, 999.9999999])
 def test_a_rate_that_is_not_whole_ticks_is_refused(rate: float) -> None:
-    with pytest.raises(ValueError, match="^tip_sensor.rate: .*allowed"):
+    with pytest.raises(ValueError, match='^tip_sensor.rate: .*allowed'):
         ticks_per_sample(rate, MS)
 
 
 def test_location_must_be_on_link_2() -> None:
     for location in (4.4999, 9.0001):
-        with pytest.raises(ValueError, match="^tip_sensor.location: .*allowed: 4.5"):
+        with pytest.raises(ValueError, match='^tip_sensor.location: .*allowed: 4.5'):
             tip(location=location)
     decimal = RunConfig(plant=PlantParameters(length=(0.7, 0.1)))
     check_location(replace(decimal, tip_sensor=TipSensorParameters(location=0.8)))

@@ -1,13 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """References: square, hold, way points, their delay and their reach."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+import math
 
 from flexarm_ros.core.parameters import (
     PlantParameters,
@@ -16,12 +26,15 @@ from flexarm_ros.core.parameters import (
     TrajectoryParameters,
 )
 from flexarm_ros.core.trajectory import (
-    Reference,
     check_reachable,
     initial_angles,
     make_path,
+    Reference,
     rest_to_rest,
 )
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
 
 
 def config(**keys) -> RunConfig:
@@ -29,10 +42,10 @@ def config(**keys) -> RunConfig:
 
 
 WAYPOINTS = {
-    "kind": "waypoints",
-    "waypoint_times": (0.0, 1.0, 3.0, 4.0),
-    "waypoint_x": (3.0, 5.0, 5.0, 5.0),
-    "waypoint_y": (0.0, 0.0, 4.0, 4.0),
+    'kind': 'waypoints',
+    'waypoint_times': (0.0, 1.0, 3.0, 4.0),
+    'waypoint_x': (3.0, 5.0, 5.0, 5.0),
+    'waypoint_y': (0.0, 0.0, 4.0, 4.0),
 }
 
 
@@ -61,14 +74,14 @@ def test_delay_from_the_scenario_and_its_check() -> None:
     reference = Reference(config(delay=0.001238))
     assert reference.command(1) == (-6.3, -6.3, 0.0, 0.0)
     assert reference.command(2) == pytest.approx((-6.3, -6.3 + 3.15 * 0.000762, 0.0, 3.15))
-    with pytest.raises(ValueError, match="^trajectory.delay"):
+    with pytest.raises(ValueError, match='^trajectory.delay'):
         reference.set_delay_ns(-1)
 
 
 def test_hold() -> None:
-    assert Reference(config(kind="hold", hold_position=(3.0, 4.0))).at(123) == (3, 4, 0, 0, 0, 0)
-    assert Reference(config(kind="hold")).at(5)[:2] == (-6.3, -6.3)
-    bent = replace(config(kind="hold"), plant=PlantParameters(initial_position=(0.0, math.pi / 2)))
+    assert Reference(config(kind='hold', hold_position=(3.0, 4.0))).at(123) == (3, 4, 0, 0, 0, 0)
+    assert Reference(config(kind='hold')).at(5)[:2] == (-6.3, -6.3)
+    bent = replace(config(kind='hold'), plant=PlantParameters(initial_position=(0.0, math.pi / 2)))
     assert Reference(bent).at(0)[:2] == pytest.approx((4.5, 4.5))
 
 
@@ -79,9 +92,9 @@ def test_waypoints_and_the_rest_after_them() -> None:
     assert reference.at(3500)[:4] == reference.at(9000)[:4] == (5.0, 4.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("kind", [{}, WAYPOINTS])
+@pytest.mark.parametrize('kind', [{}, WAYPOINTS])
 def test_smooth_rests_at_every_corner_and_is_consistent(kind) -> None:
-    path = make_path(config(time_law="smooth", **kind))
+    path = make_path(config(time_law='smooth', **kind))
     for side in path.sides:
         for time in (side.start_ns, side.start_ns + side.time_ns):
             assert path.at(time)[2:] == pytest.approx((0.0,) * 4, abs=1e-12)
@@ -111,41 +124,41 @@ def test_switches() -> None:
     turns = make_path(config(**WAYPOINTS))
     assert [turns.switch(i).time_ns for i in (0, 1)] == [10**9, 3 * 10**9]
     assert turns.switch(2) is None
-    assert make_path(config(kind="hold")).switch(0) is None
+    assert make_path(config(kind='hold')).switch(0) is None
 
 
 @pytest.mark.parametrize(
-    ("keys", "lengths", "key"),
+    ('keys', 'lengths', 'key'),
     [
-        ({"side": 13.0}, (4.5, 4.5), "trajectory.side: 13.0"),
-        ({"side": 4.0}, (6.0, 3.0), "trajectory.side: 4.0"),
-        ({"kind": "hold", "hold_position": (9.0, 1.0)}, (4.5, 4.5), "trajectory.hold_position"),
-        (WAYPOINTS | {"waypoint_y": (0.0, 0.0, 8.0, 8.0)}, (4.5, 4.5), "trajectory.waypoint_x"),
+        ({'side': 13.0}, (4.5, 4.5), 'trajectory.side: 13.0'),
+        ({'side': 4.0}, (6.0, 3.0), 'trajectory.side: 4.0'),
+        ({'kind': 'hold', 'hold_position': (9.0, 1.0)}, (4.5, 4.5), 'trajectory.hold_position'),
+        (WAYPOINTS | {'waypoint_y': (0.0, 0.0, 8.0, 8.0)}, (4.5, 4.5), 'trajectory.waypoint_x'),
     ],
 )
 def test_out_of_reach_names_the_key(keys, lengths, key: str) -> None:
     bad = replace(config(**keys), plant=PlantParameters(length=lengths))
-    with pytest.raises(ValueError, match=f"^{key}.*allowed:"):
+    with pytest.raises(ValueError, match=f'^{key}.*allowed:'):
         check_reachable(bad)
 
 
 def test_what_is_within_reach_passes() -> None:
     check_reachable(config())
     check_reachable(config(**WAYPOINTS))
-    check_reachable(config(kind="hold", hold_position=(9.0, 0.0)))
+    check_reachable(config(kind='hold', hold_position=(9.0, 0.0)))
 
 
 @pytest.mark.parametrize(
-    ("keys", "key"),
+    ('keys', 'key'),
     [
-        ({"waypoint_times": None}, "waypoint_times"),
-        ({"waypoint_x": (1.0,)}, "waypoint_x"),
-        ({"waypoint_times": (0.0, 1.0, 1.0, 2.0)}, "waypoint_times"),
-        ({"waypoint_times": (0.5, 1.0, 2.0, 3.0)}, "waypoint_times"),
+        ({'waypoint_times': None}, 'waypoint_times'),
+        ({'waypoint_x': (1.0,)}, 'waypoint_x'),
+        ({'waypoint_times': (0.0, 1.0, 1.0, 2.0)}, 'waypoint_times'),
+        ({'waypoint_times': (0.5, 1.0, 2.0, 3.0)}, 'waypoint_times'),
     ],
 )
 def test_bad_waypoints_name_the_key(keys, key: str) -> None:
-    with pytest.raises(ValueError, match=f"^trajectory.{key}"):
+    with pytest.raises(ValueError, match=f'^trajectory.{key}'):
         make_path(config(**(WAYPOINTS | keys)))
 
 
@@ -156,7 +169,7 @@ def test_initial_angles() -> None:
     assert 4.5 * (math.sin(theta1) + math.sin(theta1 + theta2)) == pytest.approx(-6.3)
     given = replace(config(), plant=PlantParameters(initial_position=(1.0, -2.0)))
     assert initial_angles(given) == (1.0, -2.0)
-    with pytest.raises(ValueError, match="^trajectory.side: 30.0: start out of reach"):
+    with pytest.raises(ValueError, match='^trajectory.side: 30.0: start out of reach'):
         initial_angles(config(side=30.0))
 
 

@@ -1,49 +1,62 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """docs/validation.md is what `make validate` writes, as far as quick sections show."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-
 from validation import __main__ as command
 from validation import bending, delays, frequencies, rotation
-from validation.report import Goal, Section, goals_table
+from validation.report import Goal, goals_table, Section
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = (ROOT / "docs" / "validation.md").read_text("utf-8")
+PAGE = (ROOT / 'docs' / 'validation.md').read_text('utf-8')
 
 
 def table(name: str) -> str:
-    return PAGE.split(f"<!-- table {name} -->\n")[1].split(f"\n<!-- end {name} -->")[0]
+    return PAGE.split(f'<!-- table {name} -->\n')[1].split(f'\n<!-- end {name} -->')[0]
 
 
 def test_the_page_has_a_place_for_each_section_and_the_summary_is_of_its_goals() -> None:
-    marks = re.findall(r"<!-- table (\w+) -->", PAGE)
-    assert sorted(marks) == sorted([*command.SECTIONS, "goals"])
-    stored = json.loads(command.GOALS.read_text("utf-8"))
+    marks = re.findall(r'<!-- table (\w+) -->', PAGE)
+    assert sorted(marks) == sorted([*command.SECTIONS, 'goals'])
+    stored = json.loads(command.GOALS.read_text('utf-8'))
     assert list(stored) == list(command.SECTIONS)
     goals = [Goal(**goal) for group in stored.values() for goal in group]
-    assert table("goals").splitlines() == goals_table(goals)
+    assert table('goals').splitlines() == goals_table(goals)
     # What is not met is said, and is shown to be impossible.
     assert all(goal.met or goal.out_of_reach for goal in goals)
 
 
-@pytest.mark.parametrize("module", [bending, rotation, delays])
+@pytest.mark.parametrize('module', [bending, rotation, delays])
 def test_quick_sections_are_as_written(module) -> None:
     section: Section = module.run()
     assert all(goal.met for goal in section.goals)
     if module is not delays:  # prints rounding errors too, which are the machine's own
-        assert table(module.__name__.split(".")[-1]) == section.text()
+        assert table(module.__name__.split('.')[-1]) == section.text()
 
 
 def test_pictures_are_there() -> None:
-    for name in re.findall(r"\(images/(\w+\.png)\)", PAGE):
-        assert (ROOT / "docs" / "images" / name).read_bytes().startswith(b"\x89PNG")
+    for name in re.findall(r'\(images/(\w+\.png)\)', PAGE):
+        assert (ROOT / 'docs' / 'images' / name).read_bytes().startswith(b'\x89PNG')
 
 
 def test_four_functions_cannot_serve_one_link_and_five_can() -> None:
@@ -58,7 +71,7 @@ def test_static_deflection_against_the_elastica() -> None:
 
 
 def test_an_unknown_section_is_refused() -> None:
-    words = [sys.executable, "-m", "validation", "everything"]
+    words = [sys.executable, '-m', 'validation', 'everything']
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
-    assert "everything" in done.stderr
+    assert 'everything' in done.stderr

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Every node, every fault, early, in the middle and late: how such a run ends."""
 
 from __future__ import annotations
@@ -5,37 +19,37 @@ from __future__ import annotations
 from itertools import product
 from pathlib import Path
 
-import pytest
-from faulttools import OWN, SIGNALS, check_end, faulty_run
+from faulttools import check_end, faulty_run, OWN, SIGNALS
 from nodetools import ROLES
+import pytest
 
 pytestmark = pytest.mark.nodes
 
 EARLY, MIDDLE, LATE = 3, 250, 495
 CASES = list(product(ROLES, (*SIGNALS, *OWN), (EARLY, MIDDLE, LATE)))
 QUICK = [
-    ("plant", "kill", EARLY), ("plant", "raise", MIDDLE), ("encoder", "pause", EARLY),
-    ("encoder", "exit", MIDDLE), ("tip_sensor", "raise", LATE), ("trajectory", "exit", EARLY),
-    ("controller", "kill", MIDDLE), ("controller", "pause", LATE), ("recorder", "kill", LATE),
-    ("recorder", "raise", EARLY),
+    ('plant', 'kill', EARLY), ('plant', 'raise', MIDDLE), ('encoder', 'pause', EARLY),
+    ('encoder', 'exit', MIDDLE), ('tip_sensor', 'raise', LATE), ('trajectory', 'exit', EARLY),
+    ('controller', 'kill', MIDDLE), ('controller', 'pause', LATE), ('recorder', 'kill', LATE),
+    ('recorder', 'raise', EARLY),
 ]  # fmt: skip
 """Every node, every fault and every time at least once."""
 
 
-@pytest.mark.parametrize(("role", "fault", "tick"), QUICK)
+@pytest.mark.parametrize(('role', 'fault', 'tick'), QUICK)
 def test_a_fault_ends_the_run(
     role: str, fault: str, tick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = faulty_run(monkeypatch, tmp_path / "run", role, fault, tick)
+    done = faulty_run(monkeypatch, tmp_path / 'run', role, fault, tick)
     check_end(done, role, fault, tick)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("role", "fault", "tick"), [c for c in CASES if c not in QUICK])
+@pytest.mark.parametrize(('role', 'fault', 'tick'), [c for c in CASES if c not in QUICK])
 def test_every_other_fault_ends_the_run(
     role: str, fault: str, tick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = faulty_run(monkeypatch, tmp_path / "run", role, fault, tick)
+    done = faulty_run(monkeypatch, tmp_path / 'run', role, fault, tick)
     check_end(done, role, fault, tick)
 
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Ctrl-C, SIGTERM and SIGKILL to the launcher, and SIGKILL to one of its children."""
 
 from __future__ import annotations
@@ -5,34 +19,33 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
-import pytest
 from faulttools import check_bag
+from flexarm_ros import scenario
 from mcap.exceptions import McapError
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from nodetools import ROLES, ROOT, wait_for
-
-from flexarm_ros import scenario
+import pytest
 
 pytestmark = pytest.mark.nodes
 
-SETTINGS = ("duration=0.5", "tick_timeout=2.0", "recorder.chunk_time=0.05")
-RTF = "0.2"
-BAG = "bag/bag_0.mcap"
+SETTINGS = ('duration=0.5', 'tick_timeout=2.0', 'recorder.chunk_time=0.05')
+RTF = '0.2'
+BAG = 'bag/bag_0.mcap'
 
 
 def start(out: Path) -> subprocess.Popen[str]:
     """Start `flexarm run` of half a second of arm time, which takes 2.5 s of wall time."""
-    words = [word for text in SETTINGS for word in ("--set", text)]
+    words = [word for text in SETTINGS for word in ('--set', text)]
     return subprocess.Popen(
-        [sys.executable, "-m", "flexarm_ros.cli", "run", "fls_tip", *words, "--rtf", RTF,
-         "--no-pictures", "--out", str(out)],
+        [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', *words, '--rtf', RTF,
+         '--no-pictures', '--out', str(out)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
     )  # fmt: skip
 
@@ -40,10 +53,10 @@ def start(out: Path) -> subprocess.Popen[str]:
 def children(pid: int) -> dict[str, int]:
     """Return ``{role: pid}`` of the nodes that a launcher has started."""
     found = {}
-    for task in Path(f"/proc/{pid}/task").iterdir():
+    for task in Path(f'/proc/{pid}/task').iterdir():
         with contextlib.suppress(OSError):
-            for child in (task / "children").read_text().split():
-                words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+            for child in (task / 'children').read_text().split():
+                words = Path(f'/proc/{child}/cmdline').read_bytes().split(b'\0')
                 for role in ROLES:
                     if role.encode() in words:
                         found[role] = int(child)
@@ -53,7 +66,7 @@ def children(pid: int) -> dict[str, int]:
 def chunks(out: Path) -> int:
     """Return how many chunks of the bag have been written so far."""
     count = 0
-    with contextlib.suppress(OSError, McapError, EOFError), open(out / BAG, "rb") as file:
+    with contextlib.suppress(OSError, McapError, EOFError), open(out / BAG, 'rb') as file:
         for record in StreamReader(file, emit_chunks=True).records:
             count += isinstance(record, Chunk)
     return count
@@ -61,20 +74,20 @@ def chunks(out: Path) -> int:
 
 def reach(launcher: subprocess.Popen[str], out: Path, moment: str) -> dict[str, int]:
     """Wait until the run has come to ``moment``; return its nodes."""
-    wait_for(lambda: len(children(launcher.pid)) == len(ROLES), 30, "six nodes")
+    wait_for(lambda: len(children(launcher.pid)) == len(ROLES), 30, 'six nodes')
     nodes = children(launcher.pid)
-    if moment == "start":
+    if moment == 'start':
         return nodes
-    wait_for(lambda: chunks(out) >= 3, 60, "the middle of the run")
+    wait_for(lambda: chunks(out) >= 3, 60, 'the middle of the run')
     return nodes
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", ["start", "middle"])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('moment', ['start', 'middle'])
 def test_a_signal_ends_the_run_in_good_order(
     tmp_path: Path, number: signal.Signals, moment: str
 ) -> None:
-    out = tmp_path / "run"
+    out = tmp_path / 'run'
     launcher = start(out)
     try:
         nodes = reach(launcher, out, moment)
@@ -86,106 +99,105 @@ def test_a_signal_ends_the_run_in_good_order(
         launcher.wait()
     took = time.monotonic() - sent
     assert launcher.returncode == 128 + number, said
-    assert "Traceback" not in said[1]
+    assert 'Traceback' not in said[1]
     assert took < 8.0
-    assert not [pid for pid in nodes.values() if Path(f"/proc/{pid}").exists()]
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["problem"] == "interrupted"
-    check_bag(out, scenario.load("fls_tip", list(SETTINGS)), summary["ticks"])
-    if moment == "middle":
-        assert summary["ticks"] > 0
+    assert not [pid for pid in nodes.values() if Path(f'/proc/{pid}').exists()]
+    summary = json.loads((out / 'summary.json').read_text())
+    assert summary['problem'] == 'interrupted'
+    check_bag(out, scenario.load('fls_tip', list(SETTINGS)), summary['ticks'])
+    if moment == 'middle':
+        assert summary['ticks'] > 0
 
 
 def test_a_signal_after_the_last_tick_is_told_by_the_status(tmp_path: Path) -> None:
     """While files and the end are dealt with, a signal loses nothing."""
-    out = tmp_path / "run"
+    out = tmp_path / 'run'
     launcher = start(out)
     try:
-        reach(launcher, out, "middle")
-        wait_for(lambda: (out / "bag" / "metadata.yaml").exists(), 30, "the bag's end")
+        reach(launcher, out, 'middle')
+        wait_for(lambda: (out / 'bag' / 'metadata.yaml').exists(), 30, "the bag's end")
         launcher.send_signal(signal.SIGINT)
         said = launcher.communicate(timeout=30)
     finally:
         launcher.kill()
         launcher.wait()
     assert launcher.returncode in (0, 130), said
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["ticks"] == 500
-    check_bag(out, scenario.load("fls_tip", list(SETTINGS)), 500)
+    summary = json.loads((out / 'summary.json').read_text())
+    assert summary['ticks'] == 500
+    check_bag(out, scenario.load('fls_tip', list(SETTINGS)), 500)
 
 
 def test_nodes_leave_when_the_launcher_is_killed(tmp_path: Path) -> None:
-    out = tmp_path / "run"
+    out = tmp_path / 'run'
     launcher = start(out)
     try:
-        nodes = reach(launcher, out, "middle")
+        nodes = reach(launcher, out, 'middle')
     finally:
         launcher.kill()
         launcher.wait()
-    wait_for(lambda: not [p for p in nodes.values() if alive(p)], 15, "the nodes leave")
-    assert (out / "bag" / "metadata.yaml").exists()  # the recorder finished its bag
-    summary = json.loads((out / "summary.json").read_text())
-    assert summary["stable"] is None  # nobody was there to say how it went
-    assert "not finished" in summary["problem"]
+    wait_for(lambda: not [p for p in nodes.values() if alive(p)], 15, 'the nodes leave')
+    assert (out / 'bag' / 'metadata.yaml').exists()  # the recorder finished its bag
+    summary = json.loads((out / 'summary.json').read_text())
+    assert summary['stable'] is None  # nobody was there to say how it went
+    assert 'not finished' in summary['problem']
     again = subprocess.run(
-        [sys.executable, "-m", "flexarm_ros.cli", "verify", str(out)],
+        [sys.executable, '-m', 'flexarm_ros.cli', 'verify', str(out)],
         capture_output=True, text=True, timeout=60, cwd=ROOT, check=False,
     )  # fmt: skip
     assert again.returncode == 0, again.stdout + again.stderr
 
 
 def test_a_killed_child_is_named_on_one_line(tmp_path: Path) -> None:
-    out = tmp_path / "run"
+    out = tmp_path / 'run'
     launcher = start(out)
     try:
-        nodes = reach(launcher, out, "middle")
-        os.kill(nodes["tip_sensor"], signal.SIGKILL)
+        nodes = reach(launcher, out, 'middle')
+        os.kill(nodes['tip_sensor'], signal.SIGKILL)
         _, errors = launcher.communicate(timeout=30)
     finally:
         launcher.kill()
         launcher.wait()
     assert launcher.returncode == 1
-    (line,) = [line for line in errors.splitlines() if line.startswith("flexarm run:")]
-    assert line.startswith("flexarm run: tip_sensor: tick ")
-    assert line.endswith("ended, killed by SIGKILL")
-    assert not [pid for pid in nodes.values() if Path(f"/proc/{pid}").exists()]
+    (line,) = [line for line in errors.splitlines() if line.startswith('flexarm run:')]
+    assert line.startswith('flexarm run: tip_sensor: tick ')
+    assert line.endswith('ended, killed by SIGKILL')
+    assert not [pid for pid in nodes.values() if Path(f'/proc/{pid}').exists()]
 
 
 def test_a_stopped_launcher_does_not_stop_the_nodes(tmp_path: Path) -> None:
     """Ctrl-Z in the terminal: the nodes are not its foreground job and fly on."""
-    out = tmp_path / "run"
+    out = tmp_path / 'run'
     launcher = start(out)
     try:
-        reach(launcher, out, "middle")
+        reach(launcher, out, 'middle')
         launcher.send_signal(signal.SIGSTOP)
-        wait_for(lambda: (out / "bag" / "metadata.yaml").exists(), 30, "the bag's end")
+        wait_for(lambda: (out / 'bag' / 'metadata.yaml').exists(), 30, "the bag's end")
         launcher.send_signal(signal.SIGCONT)
         said = launcher.communicate(timeout=30)
     finally:
         launcher.kill()
         launcher.wait()
     assert launcher.returncode == 0, said
-    check_bag(out, scenario.load("fls_tip", list(SETTINGS)), 500)
+    check_bag(out, scenario.load('fls_tip', list(SETTINGS)), 500)
 
 
 def test_a_node_that_dies_at_the_start_gives_its_last_words(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from faulttools import NODE
-
     from flexarm_ros.launcher import run
 
     command = run.node_command
 
     def commanding(role: str, arguments: list[str]) -> list[str]:
-        words = [sys.executable, str(NODE), role, "import", "0", "--ros-args"]
-        return words if role == "encoder" else command(role, arguments)
+        words = [sys.executable, str(NODE), role, 'import', '0', '--ros-args']
+        return words if role == 'encoder' else command(role, arguments)
 
-    monkeypatch.setattr(run, "node_command", commanding)
-    config = scenario.load("fls_tip", list(SETTINGS))
-    outcome = run.run_scenario(config, "fls_tip", tmp_path / "run", run.RunOptions())
+    monkeypatch.setattr(run, 'node_command', commanding)
+    config = scenario.load('fls_tip', list(SETTINGS))
+    outcome = run.run_scenario(config, 'fls_tip', tmp_path / 'run', run.RunOptions())
     assert outcome.problem == (
-        "encoder: start: ended with exit status 1: ImportError: no such module, on purpose"
+        'encoder: start: ended with exit status 1: ImportError: no such module, on purpose'
     )
 
 
@@ -194,15 +206,15 @@ def test_an_exception_in_a_service_ends_the_run(
 ) -> None:
     from faulttools import faulty_run
 
-    done = faulty_run(monkeypatch, tmp_path / "run", "controller", "service", 100)
-    assert done.problem.startswith("controller: tick ")
-    assert done.problem.endswith("in a service: ZeroDivisionError: a fault on purpose")
+    done = faulty_run(monkeypatch, tmp_path / 'run', 'controller', 'service', 100)
+    assert done.problem.startswith('controller: tick ')
+    assert done.problem.endswith('in a service: ZeroDivisionError: a fault on purpose')
 
 
 def alive(pid: int) -> bool:
     """Whether a process runs; one that has ended and waits for its parent does not."""
     try:
-        stat = Path(f"/proc/{pid}/stat").read_text()
+        stat = Path(f'/proc/{pid}/stat').read_text()
     except OSError:
         return False
-    return stat.rpartition(")")[2].split()[0] not in "ZX"
+    return stat.rpartition(')')[2].split()[0] not in 'ZX'

@@ -1,39 +1,54 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Time: stamps past 31 and 32 bits, past a day, small ticks; what nodes with `use_sim_time` see."""
 
 from __future__ import annotations
 
 import csv
 import json
+from pathlib import Path
 import subprocess
 import sys
-from pathlib import Path
-
-import pytest
-from nodetools import ROOT, flexarm, wait_for
-from rosbags.highlevel import AnyReader
 
 from flexarm_ros.core.timeline import T0_NS
+from nodetools import flexarm, ROOT, wait_for
+import pytest
+from rosbags.highlevel import AnyReader
 
-HOLD = ("--set", "trajectory.kind=hold", "--no-pictures")
+HOLD = ('--set', 'trajectory.kind=hold', '--no-pictures')
 
 
 @pytest.mark.nodes
 @pytest.mark.parametrize(
-    ("period_ns", "ticks"), [(10_000_000, 500), (100_000, 500)], ids=["past 2^32 ns", "100 us"]
+    ('period_ns', 'ticks'), [(10_000_000, 500), (100_000, 500)], ids=['past 2^32 ns', '100 us']
 )
 def test_nodes_and_simulation_agree_on_time(tmp_path: Path, period_ns: int, ticks: int) -> None:
-    settings = (*HOLD, "--set", f"control_period={period_ns / 1e9!r}",
-                "--set", f"duration={period_ns * ticks / 1e9!r}")  # fmt: skip
-    for way in ("run", "simulate"):
-        done = flexarm(way, "pd_tip", *settings, "--out", tmp_path / way)
+    settings = (*HOLD, '--set', f'control_period={period_ns / 1e9!r}',
+                '--set', f'duration={period_ns * ticks / 1e9!r}')  # fmt: skip
+    for way in ('run', 'simulate'):
+        done = flexarm(way, 'pd_tip', *settings, '--out', tmp_path / way)
         assert done.returncode == 0, done.stderr
-    for name in ("bag/bag_0.mcap", "trajectory.csv"):
-        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "simulate" / name).read_bytes()
-    with AnyReader([tmp_path / "run" / "bag"]) as reader:
+    for name in ('bag/bag_0.mcap', 'trajectory.csv'):
+        assert (tmp_path / 'run' / name).read_bytes() == (
+            tmp_path / 'simulate' / name
+        ).read_bytes()
+    with AnyReader([tmp_path / 'run' / 'bag']) as reader:
         clock = [
             reader.deserialize(data, connection.msgtype).clock
             for connection, _, data in reader.messages()
-            if connection.topic == "/clock"
+            if connection.topic == '/clock'
         ]
     stamps = [c.sec * 10**9 + c.nanosec for c in clock]
     assert stamps == [T0_NS + k * period_ns for k in range(ticks)]
@@ -42,13 +57,13 @@ def test_nodes_and_simulation_agree_on_time(tmp_path: Path, period_ns: int, tick
 
 @pytest.mark.slow
 def test_a_run_of_more_than_a_day(tmp_path: Path) -> None:
-    gains = ("controller.kp=0", "controller.kd=0", "tip_sensor.latency=0", "control_period=1",
-             "duration=90000")  # fmt: skip
-    words = [word for text in gains for word in ("--set", text)]
-    done = flexarm("simulate", "pd_tip", *HOLD, *words, "--out", tmp_path / "run", timeout=600.0)
+    gains = ('controller.kp=0', 'controller.kd=0', 'tip_sensor.latency=0', 'control_period=1',
+             'duration=90000')  # fmt: skip
+    words = [word for text in gains for word in ('--set', text)]
+    done = flexarm('simulate', 'pd_tip', *HOLD, *words, '--out', tmp_path / 'run', timeout=600.0)
     assert done.returncode == 0, done.stderr
-    with open(tmp_path / "run" / "trajectory.csv", encoding="utf-8") as file:
-        times = [row["t"] for row in csv.DictReader(file)]
+    with open(tmp_path / 'run' / 'trajectory.csv', encoding='utf-8') as file:
+        times = [row['t'] for row in csv.DictReader(file)]
     assert [float(t) for t in times] == [float(k) for k in range(90_000)]
 
 
@@ -76,16 +91,16 @@ print(json.dumps([jumps, nows]), flush=True)
 def test_a_node_of_others_with_use_sim_time(tmp_path: Path, ros_domain: int) -> None:
     """Its timer follows the run; a reset reaches it as a jump back in time."""
     listener = subprocess.Popen(
-        [sys.executable, "-c", LISTENER], stdout=subprocess.PIPE, text=True, cwd=ROOT
+        [sys.executable, '-c', LISTENER], stdout=subprocess.PIPE, text=True, cwd=ROOT
     )
     run = subprocess.Popen(
-        [sys.executable, "-m", "flexarm_ros.cli", "run", "pd_tip", "--set", "duration=3", "--rtf",
-         "0.5", "--no-pictures", "--out", str(tmp_path / "run")],
+        [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'pd_tip', '--set', 'duration=3', '--rtf',
+         '0.5', '--no-pictures', '--out', str(tmp_path / 'run')],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
     )  # fmt: skip
     try:
-        bag = tmp_path / "run" / "bag" / "bag_0.mcap"
-        wait_for(lambda: bag.exists() and bag.stat().st_size > 60_000, 60, "the run has begun")
+        bag = tmp_path / 'run' / 'bag' / 'bag_0.mcap'
+        wait_for(lambda: bag.exists() and bag.stat().st_size > 60_000, 60, 'the run has begun')
         reset()
         said = listener.communicate(timeout=60)[0]
         text = run.communicate(timeout=120)[0]
@@ -110,11 +125,11 @@ def reset() -> None:
 
     context = rclpy.Context()
     rclpy.init(context=context)
-    node = rclpy.create_node("resetter", context=context)
+    node = rclpy.create_node('resetter', context=context)
     executor = rclpy.executors.SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
-        client = node.create_client(Trigger, "/plant/reset")
+        client = node.create_client(Trigger, '/plant/reset')
         assert client.wait_for_service(30)
         future = client.call_async(Trigger.Request())
         executor.spin_until_future_complete(future, timeout_sec=30)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rubbish on every wire of every node: the physics never sees it, and nothing falls over.
 
 Each example publishes some hostile messages, from the publisher that the node listens to and from
@@ -7,28 +21,27 @@ it has in a simulation.  By default some tens of examples a node; `pytest -m slo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
+from pathlib import Path
 import random
 import struct
 import subprocess
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
-from mcap.reader import make_reader
-from nodetools import ROLES, finish, wait_for, write_scenario
-from rclpy.serialization import serialize_message
-from std_msgs.msg import UInt64
-from wiretools import Peers, Wire, fly_against
-
 from flexarm_ros.bag.topics import Topic
 from flexarm_ros.nodes import status
-from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC, message_class
+from flexarm_ros.nodes.graph import message_class, RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
 from flexarm_ros.nodes.graph import qos_profile as qos_of
+from hypothesis import given, HealthCheck, Phase, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from nodetools import finish, ROLES, wait_for, write_scenario
+import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import UInt64
+from wiretools import fly_against, Peers, Wire
 
 pytestmark = pytest.mark.nodes
 
@@ -43,7 +56,7 @@ def wrong_stamp(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> b
     ahead = [peers.timeline.period_ns, 10**9, 10**18]
     behind = [-1, -peers.timeline.period_ns, -stamp, -2 * stamp]
     # Which tick a measurement belongs to is told by its place, so an old one may be right.
-    late = topic.node in ("encoder", "tip_sensor")
+    late = topic.node in ('encoder', 'tip_sensor')
     return topic.codec.encode(stamp + dice.choice(ahead if late else ahead + behind), *values)
 
 
@@ -59,7 +72,7 @@ def not_finite(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> by
 
 def old_or_future(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
     """The message of another tick, or the last one again."""
-    if topic.node in ("encoder", "tip_sensor"):
+    if topic.node in ('encoder', 'tip_sensor'):
         return peers.right(topic, min(TICKS - 1, tick + 40 + dice.randrange(100)))
     other = [t for t in (0, tick - 1, tick + 1, tick + 100) if t != tick and 0 <= t < TICKS]
     return peers.right(topic, dice.choice(other))
@@ -68,30 +81,30 @@ def old_or_future(peers: Peers, topic: Topic, tick: int, dice: random.Random) ->
 def cut(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
     """A message that breaks off; one byte at least, since Fast DDS cannot deliver none."""
     data = peers.right(topic, tick)
-    return data[: dice.randrange(1, 12 if topic.name == "/clock" else len(data) - 20)]
+    return data[: dice.randrange(1, 12 if topic.name == '/clock' else len(data) - 20)]
 
 
 def noise(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
     """Bytes of no message."""
-    return b"\x00\x01\x00\x00" + dice.randbytes(dice.randrange(1, 8))
+    return b'\x00\x01\x00\x00' + dice.randbytes(dice.randrange(1, 8))
 
 
 def lengths(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
     """A length or count in the message that promises more than there is."""
     data = bytearray(peers.right(topic, tick))
-    if topic.name == "/clock":
+    if topic.name == '/clock':
         return cut(peers, topic, tick, dice)
-    struct.pack_into("<I", data, 12, dice.choice((2**31, 2**32 - 1, 10**6, 0)))
+    struct.pack_into('<I', data, 12, dice.choice((2**31, 2**32 - 1, 10**6, 0)))
     return bytes(data)
 
 
 def other_arrays(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
     """A well-formed message of the type with arrays of other lengths, or other names."""
     kind = message_class(topic.type_name)
-    if "JointState" not in topic.type_name:
+    if 'JointState' not in topic.type_name:
         return wrong_stamp(peers, topic, tick, dice)
     count = dice.choice((0, 1, 3, 7, 5000))
-    made = kind(name=[f"joint{i}" for i in range(count)])
+    made = kind(name=[f'joint{i}' for i in range(count)])
     values = [dice.uniform(-1e9, 1e9) for _ in range(dice.choice((0, 1, 2, count)))]
     made.position = made.velocity = made.effort = values
     return bytes(serialize_message(made))
@@ -103,21 +116,21 @@ RUBBISH = (wrong_stamp, not_finite, old_or_future, cut, noise, lengths, other_ar
 def any_status(dice: random.Random) -> DiagnosticStatus | bytes:
     """A word of somebody who is no member, or speaks in a member's name."""
     if dice.random() < 0.3:
-        return b"\x00\x01\x00\x00" + dice.randbytes(dice.randrange(1, 60))
-    numbers = ("", "abc", "-1", "nan", "inf", "9" * 5000, "0", "3", "1e999")
+        return b'\x00\x01\x00\x00' + dice.randbytes(dice.randrange(1, 60))
+    numbers = ('', 'abc', '-1', 'nan', 'inf', '9' * 5000, '0', '3', '1e999')
     values = {
-        "phase": dice.choice(["failed", "done", "refused", "running", "ready", "x", ""]),
-        "node": dice.choice(["/plant", "x" * 5000, "\x1b[2J"]),
-        "last_tick": dice.choice(numbers),
-        "blame": dice.choice([*ROLES, "nobody"]),
-        "parameters": dice.choice(["", "{", "[" * 9000, '{"run": {}}']),
-        "epoch": dice.choice(numbers),
-        "pace_s": dice.choice(numbers),
+        'phase': dice.choice(['failed', 'done', 'refused', 'running', 'ready', 'x', '']),
+        'node': dice.choice(['/plant', 'x' * 5000, '\x1b[2J']),
+        'last_tick': dice.choice(numbers),
+        'blame': dice.choice([*ROLES, 'nobody']),
+        'parameters': dice.choice(['', '{', '[' * 9000, '{"run": {}}']),
+        'epoch': dice.choice(numbers),
+        'pace_s': dice.choice(numbers),
     }
     kept = [KeyValue(key=k, value=v) for k, v in values.items() if dice.random() < 0.95]
     return DiagnosticStatus(
-        name=dice.choice([*ROLES, "", "ghost"]),
-        hardware_id=dice.choice(["", "0", "z" * 5000]),
+        name=dice.choice([*ROLES, '', 'ghost']),
+        hardware_id=dice.choice(['', '0', 'z' * 5000]),
         values=kept,
     )
 
@@ -127,7 +140,7 @@ class Fuzz:
 
     def __init__(self, role: str, peers: Peers, node: subprocess.Popen[str]) -> None:
         self.role, self.peers, self.node = role, peers, node
-        self.stranger = Wire("stranger")
+        self.stranger = Wire('stranger')
         self.tick = self.sent = self.strange = 0
         for topic in peers.inputs:
             kind = message_class(topic.type_name)
@@ -151,7 +164,7 @@ class Fuzz:
                 if dice.random() < 0.8:
                     self.peers.send(topic, data)
                     self.sent += 1
-                elif topic.name != "/clock":
+                elif topic.name != '/clock':
                     self.stranger.publisher(topic.name, None, None).publish(data)
                     self.strange += 1
         self.step()
@@ -160,14 +173,14 @@ class Fuzz:
     def step(self) -> None:
         """One tick as it should be."""
         peers = self.peers
-        if self.role == "trajectory" and self.tick % TICK_EVERY == 0:
+        if self.role == 'trajectory' and self.tick % TICK_EVERY == 0:
             peers.publisher(TICK_TOPIC, None, None).publish(UInt64(data=self.tick))
-        if self.role == "plant":
+        if self.role == 'plant':
             peers.publisher(RECORDED_TOPIC, None, None).publish(UInt64(data=self.tick))
             self._answer()
         for topic in peers.inputs:
             peers.send(topic, peers.right(topic, self.tick))
-        if self.role != "plant":
+        if self.role != 'plant':
             self._answer()
 
     def _answer(self) -> None:
@@ -180,10 +193,10 @@ class Fuzz:
 def under_fire(role: str, tmp_path: Path, count: int) -> None:
     """Fly ``role`` through ``count`` examples, and end its run in good order."""
     file = write_scenario(
-        tmp_path / "s.yaml", "fls_mid_corrected", f"duration={TICKS / 1000}", "on_invalid=ignore",
-        "tick_timeout=60",
+        tmp_path / 's.yaml', 'fls_mid_corrected', f'duration={TICKS / 1000}', 'on_invalid=ignore',
+        'tick_timeout=60',
     )  # fmt: skip
-    own = ["-p", f"output:={tmp_path / 'run'}"] if role == "recorder" else []
+    own = ['-p', f'output:={tmp_path / "run"}'] if role == 'recorder' else []
     peers, node = fly_against(role, file, *own)
     fuzz = Fuzz(role, peers, node)
     try:
@@ -207,20 +220,20 @@ def under_fire(role: str, tmp_path: Path, count: int) -> None:
 
 def check_left(fuzz: Fuzz, tmp_path: Path) -> None:
     """End the run; the node leaves in good order and has counted what it passed over."""
-    if fuzz.role == "plant":  # it leaves at a tick that is whole
+    if fuzz.role == 'plant':  # it leaves at a tick that is whole
         fuzz.node.terminate()
         wait_for(lambda: answered_and_ended(fuzz), 30, "the plant's end")
     fuzz.peers.end(fuzz.tick)
     (text,) = finish([fuzz.node], 30.0)
-    assert fuzz.node.returncode == (143 if fuzz.role == "plant" else 0), text
-    assert "Traceback" not in text
-    assert "\x1b[2J" not in text
+    assert fuzz.node.returncode == (143 if fuzz.role == 'plant' else 0), text
+    assert 'Traceback' not in text
+    assert '\x1b[2J' not in text
     if fuzz.sent:
-        (last,) = [line for line in text.splitlines() if "in all" in line]
-        counted = int(last.split("]: ")[1].split()[0])
+        (last,) = [line for line in text.splitlines() if 'in all' in line]
+        counted = int(last.split(']: ')[1].split()[0])
         assert fuzz.sent <= counted <= fuzz.sent + fuzz.strange, text
-    if fuzz.role == "recorder":
-        check_recorded(fuzz, tmp_path / "run" / "bag" / "bag_0.mcap")
+    if fuzz.role == 'recorder':
+        check_recorded(fuzz, tmp_path / 'run' / 'bag' / 'bag_0.mcap')
 
 
 def answered_and_ended(fuzz: Fuzz) -> bool:
@@ -235,7 +248,7 @@ def check_recorded(fuzz: Fuzz, file: Path) -> None:
     """The bag has what was right, and nothing else."""
     topics = {topic.path: topic for topic in fuzz.peers.topics}
     count = 0
-    with open(file, "rb") as stream:
+    with open(file, 'rb') as stream:
         for _, channel, message in make_reader(stream).iter_messages():
             tick = message.sequence - 1
             assert message.data == fuzz.peers.right(topics[channel.topic], tick)
@@ -243,13 +256,13 @@ def check_recorded(fuzz: Fuzz, file: Path) -> None:
     assert count == fuzz.tick * len(topics)
 
 
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize('role', ROLES)
 def test_rubbish_on_the_wire_changes_nothing(role: str, tmp_path: Path, ros_domain: int) -> None:
     under_fire(role, tmp_path, 60)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize('role', ROLES)
 def test_much_rubbish_on_the_wire_changes_nothing(
     role: str, tmp_path: Path, ros_domain: int
 ) -> None:
@@ -259,18 +272,18 @@ def test_much_rubbish_on_the_wire_changes_nothing(
 ONE: dict[str, Callable[..., bytes]] = {made.__name__: made for made in RUBBISH}
 
 
-@pytest.mark.parametrize("kind", ["not_finite", "old_or_future"])
+@pytest.mark.parametrize('kind', ['not_finite', 'old_or_future'])
 def test_by_default_one_invalid_message_ends_the_run(
     kind: str, tmp_path: Path, ros_domain: int
 ) -> None:
-    file = write_scenario(tmp_path / "s.yaml", "pd_tip", "duration=0.3")
-    peers, node = fly_against("controller", file)
+    file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3')
+    peers, node = fly_against('controller', file)
     try:
-        fuzz = Fuzz("controller", peers, node)
+        fuzz = Fuzz('controller', peers, node)
         fuzz.stranger.close()
         fuzz.step()
         fuzz.tick = 1
-        state = next(topic for topic in peers.inputs if topic.name == "plant/state")
+        state = next(topic for topic in peers.inputs if topic.name == 'plant/state')
         peers.send(state, _shorter(ONE[kind], peers, state))
         for topic in peers.inputs:
             peers.send(topic, peers.right(topic, 1))
@@ -280,8 +293,8 @@ def test_by_default_one_invalid_message_ends_the_run(
         node.wait()
         peers.close()
     assert node.returncode == 1
-    assert "tick 1: invalid message on plant/state: " in text
-    assert "Traceback" not in text
+    assert 'tick 1: invalid message on plant/state: ' in text
+    assert 'Traceback' not in text
 
 
 def _shorter(made: Callable[..., Any], peers: Peers, topic: Topic) -> bytes:

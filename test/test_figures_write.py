@@ -1,16 +1,24 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The pictures for papers: which are written, that they hold what they should, and of what runs."""
 
 from __future__ import annotations
 
 import hashlib
-import warnings
 from pathlib import Path
-
-import numpy as np
-import pytest
-from matplotlib.axes import Axes
-from matplotlib.image import imread
-from report_cases import cut_rows, edit_summary, fly
+import warnings
 
 from flexarm_ros.analysis import figures
 from flexarm_ros.analysis.figures import path_figure, signal_figure, write_figures
@@ -18,27 +26,32 @@ from flexarm_ros.analysis.figures_corners import corner_figure
 from flexarm_ros.analysis.figures_fls import fls_figure, lambda_grid
 from flexarm_ros.analysis.figures_paper import paper_figures
 from flexarm_ros.analysis.figures_style import Panel, panels, styles
-from flexarm_ros.analysis.report_runs import RunError, load_run
+from flexarm_ros.analysis.report_runs import load_run, RunError
+from matplotlib.axes import Axes
+from matplotlib.image import imread
+import numpy as np
+import pytest
+from report_cases import cut_rows, edit_summary, fly
 
-SHORT = ("duration=2.0", "trajectory.side_time=0.5", "trajectory.side=1.0")
+SHORT = ('duration=2.0', 'trajectory.side_time=0.5', 'trajectory.side=1.0')
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Short runs of the paper's cases: four sides in two seconds."""
-    root = tmp_path_factory.mktemp("runs")
-    for law in ("pd", "fls"):
-        for case in ("collocated", "tip", "tip_corrected", "mid"):
-            fly(root / f"{law}_{case}", f"{law}_{case}", *SHORT)
-    fly(root / "unstable", "fls_tip_physical")
+    root = tmp_path_factory.mktemp('runs')
+    for law in ('pd', 'fls'):
+        for case in ('collocated', 'tip', 'tip_corrected', 'mid'):
+            fly(root / f'{law}_{case}', f'{law}_{case}', *SHORT)
+    fly(root / 'unstable', 'fls_tip_physical')
     return root
 
 
 @pytest.fixture(autouse=True)
 def strict() -> None:
     """Matplotlib says in warnings what would not be seen in a picture; NumPy too."""
-    warnings.simplefilter("error", UserWarning)
-    warnings.simplefilter("error", RuntimeWarning)
+    warnings.simplefilter('error', UserWarning)
+    warnings.simplefilter('error', RuntimeWarning)
 
 
 def names(paths: list[Path]) -> set[str]:
@@ -46,32 +59,32 @@ def names(paths: list[Path]) -> set[str]:
 
 
 def pairs(*stems: str) -> set[str]:
-    return {f"{stem}.{kind}" for stem in stems for kind in ("png", "svg")}
+    return {f'{stem}.{kind}' for stem in stems for kind in ('png', 'svg')}
 
 
 def lines(axis: Axes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return {
-        str(line.get_label()).replace("\n", " "): (line.get_xdata(), line.get_ydata())
+        str(line.get_label()).replace('\n', ' '): (line.get_xdata(), line.get_ydata())
         for line in axis.get_lines()
     }
 
 
 def test_one_run_gives_each_picture_twice(runs: Path, tmp_path: Path) -> None:
-    written = write_figures([runs / "fls_tip"], tmp_path / "new" / "pictures")
-    assert names(written) == pairs("paths", "corners", "signals", "fls")
+    written = write_figures([runs / 'fls_tip'], tmp_path / 'new' / 'pictures')
+    assert names(written) == pairs('paths', 'corners', 'signals', 'fls')
     for path in written:
-        if path.suffix == ".png":
+        if path.suffix == '.png':
             picture = imread(path)
             assert picture.shape[0] > 400 and picture.std() > 0.05
         else:
-            assert path.read_text("utf-8").startswith("<?xml")
-            assert "<dc:date>" not in path.read_text("utf-8")
+            assert path.read_text('utf-8').startswith('<?xml')
+            assert '<dc:date>' not in path.read_text('utf-8')
 
 
 def test_equal_runs_give_equal_files(runs: Path, tmp_path: Path) -> None:
     both = [
-        write_figures([runs / "pd_tip", runs / "pd_collocated"], tmp_path / name)
-        for name in ("a", "b")
+        write_figures([runs / 'pd_tip', runs / 'pd_collocated'], tmp_path / name)
+        for name in ('a', 'b')
     ]
     digests = [[hashlib.sha256(path.read_bytes()).hexdigest() for path in some] for some in both]
     assert digests[0] == digests[1]
@@ -83,11 +96,11 @@ def test_several_runs_are_grouped_as_in_the_paper(
     def save(figure: object, out: Path, stem: str) -> list[Path]:
         return [out / stem]
 
-    monkeypatch.setattr(figures, "save", save)
-    cases = ("pd_collocated", "pd_tip", "pd_mid", "fls_tip")
+    monkeypatch.setattr(figures, 'save', save)
+    cases = ('pd_collocated', 'pd_tip', 'pd_mid', 'fls_tip')
     written = write_figures([runs / case for case in cases], tmp_path)
-    stems = {"paths", "corners", "signals_pd_9m", "signals_pd_6p75m", "signals_fls_9m", "fls"}
-    assert names(written) == stems | {"figure_2", "figure_3"}
+    stems = {'paths', 'corners', 'signals_pd_9m', 'signals_pd_6p75m', 'signals_fls_9m', 'fls'}
+    assert names(written) == stems | {'figure_2', 'figure_3'}
 
 
 def test_the_paper_s_figures_have_a_picture_each_where_runs_show_them(runs: Path) -> None:
@@ -95,67 +108,67 @@ def test_the_paper_s_figures_have_a_picture_each_where_runs_show_them(runs: Path
         groups = panels([load_run(runs / case) for case in cases])
         return [stem for stem, _ in paper_figures(groups)]
 
-    tip = [f"{law}_{case}" for law in ("pd", "fls") for case in ("collocated", "tip")]
-    assert stems(*tip) == ["figure_2", "figure_3", "figure_5", "figure_6"]
-    assert stems(*tip, "pd_mid", "fls_mid")[4:] == ["figure_7", "figure_8"]
-    assert stems("pd_collocated", "pd_tip", "fls_tip") == ["figure_2", "figure_3"]
-    assert stems("pd_collocated", "pd_tip") == []
+    tip = [f'{law}_{case}' for law in ('pd', 'fls') for case in ('collocated', 'tip')]
+    assert stems(*tip) == ['figure_2', 'figure_3', 'figure_5', 'figure_6']
+    assert stems(*tip, 'pd_mid', 'fls_mid')[4:] == ['figure_7', 'figure_8']
+    assert stems('pd_collocated', 'pd_tip', 'fls_tip') == ['figure_2', 'figure_3']
+    assert stems('pd_collocated', 'pd_tip') == []
 
 
 def test_the_paper_s_transients_are_its_switches(runs: Path) -> None:
-    cases = [f"{law}_{case}" for law in ("pd", "fls") for case in ("collocated", "tip", "mid")]
+    cases = [f'{law}_{case}' for law in ('pd', 'fls') for case in ('collocated', 'tip', 'mid')]
     drawn = dict(paper_figures(panels([load_run(runs / case) for case in cases])))
-    for stem, place, switches in (("figure_6", "9 m", "21"), ("figure_8", "6.75 m", "23")):
+    for stem, place, switches in (('figure_6', '9 m', '21'), ('figure_8', '6.75 m', '23')):
         shown = [axis for axis in drawn[stem].axes if axis.get_legend() is not None]
-        for axis, law, number in zip(shown, ("PD", "FLS"), switches, strict=True):
+        for axis, law, number in zip(shown, ('PD', 'FLS'), switches, strict=True):
             head, switch = axis.get_title().splitlines()
-            assert head == f"{law}, sensor at {place}"
-            assert switch.startswith(f"switch {number},")
-        assert shown[0].get_ylabel() == "y, m"
+            assert head == f'{law}, sensor at {place}'
+            assert switch.startswith(f'switch {number},')
+        assert shown[0].get_ylabel() == 'y, m'
 
 
 def test_a_collocated_run_stands_beside_each_place_of_its_law(runs: Path) -> None:
-    cases = ("pd_collocated", "pd_tip", "pd_mid", "fls_collocated")
+    cases = ('pd_collocated', 'pd_tip', 'pd_mid', 'fls_collocated')
     groups = panels([load_run(runs / case) for case in cases])
     assert [(group.title, [run.name for run in group.runs]) for group in groups] == [
-        ("PD, sensor at 9 m", ["pd_collocated", "pd_tip"]),
-        ("PD, sensor at 6.75 m", ["pd_collocated", "pd_mid"]),
-        ("FLS", ["fls_collocated"]),
+        ('PD, sensor at 9 m', ['pd_collocated', 'pd_tip']),
+        ('PD, sensor at 6.75 m', ['pd_collocated', 'pd_mid']),
+        ('FLS', ['fls_collocated']),
     ]
 
 
 def test_paths_show_what_was_recorded(runs: Path) -> None:
-    run = load_run(runs / "pd_tip")
-    figure = path_figure([Panel("pd", 9.0, (run,))])
+    run = load_run(runs / 'pd_tip')
+    figure = path_figure([Panel('pd', 9.0, (run,))])
     (axis,) = figure.axes
     drawn = lines(axis)
     for label, name in (
-        ("reference", "ref"), ("noncollocated (NMP)", "rigid"), ("tip, with deflection", "tip")
+        ('reference', 'ref'), ('noncollocated (NMP)', 'rigid'), ('tip, with deflection', 'tip')
     ):  # fmt: skip
-        assert np.array_equal(drawn[label][0], run.columns[f"{name}_x"])
-        assert np.array_equal(drawn[label][1], run.columns[f"{name}_y"])
-    assert (axis.get_xlabel(), axis.get_ylabel()) == ("x, m", "y, m")
+        assert np.array_equal(drawn[label][0], run.columns[f'{name}_x'])
+        assert np.array_equal(drawn[label][1], run.columns[f'{name}_y'])
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ('x, m', 'y, m')
 
 
 def test_signals_have_units_and_lambda_only_where_there_is_one(runs: Path) -> None:
-    pd, fls = (load_run(runs / name) for name in ("pd_tip", "fls_tip"))
-    labels = [axis.get_ylabel() for axis in signal_figure(Panel("fls", 9.0, (fls,))).axes]
-    assert len(labels) == 6 and labels[-1] == r"gain $\lambda$"
-    assert all(label.endswith((", m", ", N m")) for label in labels[:-1])
-    assert len(signal_figure(Panel("pd", 9.0, (pd,))).axes) == 5
+    pd, fls = (load_run(runs / name) for name in ('pd_tip', 'fls_tip'))
+    labels = [axis.get_ylabel() for axis in signal_figure(Panel('fls', 9.0, (fls,))).axes]
+    assert len(labels) == 6 and labels[-1] == r'gain $\lambda$'
+    assert all(label.endswith((', m', ', N m')) for label in labels[:-1])
+    assert len(signal_figure(Panel('pd', 9.0, (pd,))).axes) == 5
 
 
 def test_corners_are_one_a_switch_with_the_summary_s_overshoot(runs: Path) -> None:
-    group = panels([load_run(runs / f"pd_{case}") for case in ("collocated", "tip")])[0]
+    group = panels([load_run(runs / f'pd_{case}') for case in ('collocated', 'tip')])[0]
     figure = corner_figure([group])
     shown = [axis for axis in figure.axes if axis.get_legend() is not None]
     assert [axis.get_title().splitlines()[-1] for axis in shown] == [
-        "switch 1, t = 0.5 s", "switch 2, t = 1 s", "switch 3, t = 1.5 s"
+        'switch 1, t = 0.5 s', 'switch 2, t = 1 s', 'switch 3, t = 1.5 s'
     ]  # fmt: skip
     for index, axis in enumerate(shown):
         texts = [text.get_text() for text in axis.get_legend().get_texts()]
         for run, text in zip(group.runs, texts, strict=True):
-            assert f"{run.summary['overshoot'][index]:.3f} m" in text.replace("\n", " ")
+            assert f'{run.summary["overshoot"][index]:.3f} m' in text.replace('\n', ' ')
         corner = {1: (-0.5, 0.5), 2: (0.5, 0.5), 3: (0.5, -0.5)}[index + 1]
         low_x, high_x = axis.get_xlim()
         low_y, high_y = axis.get_ylim()
@@ -164,20 +177,22 @@ def test_corners_are_one_a_switch_with_the_summary_s_overshoot(runs: Path) -> No
 
 
 def test_cases_keep_their_colours_and_every_run_of_many_has_its_own_look(runs: Path) -> None:
-    three = [load_run(runs / f"pd_{case}") for case in ("tip", "collocated", "tip_corrected")]
+    three = [load_run(runs / f'pd_{case}') for case in ('tip', 'collocated', 'tip_corrected')]
     for order in ([0, 1, 2], [2, 0, 1]):
         some = [three[i] for i in order]
         by_role = {run.role: style for run, style in zip(some, styles(some), strict=True)}
-        assert by_role == {run.role: style for run, style in zip(three, styles(three), strict=True)}
+        assert by_role == {
+            run.role: style for run, style in zip(three, styles(three), strict=True)
+        }
     many = styles(three * 8)
     assert len({(style.color, style.dashes) for style in many}) == len(many)
 
 
 def test_fls_figure_shows_the_definition(runs: Path) -> None:
-    figure = fls_figure([load_run(runs / "fls_tip")])
+    figure = fls_figure([load_run(runs / 'fls_tip')])
     inputs, outputs = figure.axes[:2]
     texts = [[text.get_text() for text in axis.texts] for axis in (inputs, outputs)]
-    assert texts == [["N", "ZERO", "P"], ["ZERO", "PM", "PMAX"]]
+    assert texts == [['N', 'ZERO', 'P'], ['ZERO', 'PM', 'PMAX']]
     assert inputs.get_xlim()[0] < -5.0 and inputs.get_xlim()[1] > 5.0
     grid = lambda_grid(np.array([-1.0, 0.0, 1.0]))
     expected = np.array([[5, 3, 5], [3, 1, 3], [5, 3, 5]]) / 6.0
@@ -185,48 +200,48 @@ def test_fls_figure_shows_the_definition(runs: Path) -> None:
 
 
 def test_an_unstable_run_is_drawn_and_says_so(runs: Path, tmp_path: Path) -> None:
-    written = write_figures([runs / "unstable"], tmp_path)
-    assert names(written) == pairs("paths", "signals", "fls")
-    group = panels([load_run(runs / "unstable")])[0]
-    assert "unstable, stopped at t = 0.0" in path_figure([group]).axes[0].get_title()
+    written = write_figures([runs / 'unstable'], tmp_path)
+    assert names(written) == pairs('paths', 'signals', 'fls')
+    group = panels([load_run(runs / 'unstable')])[0]
+    assert 'unstable, stopped at t = 0.0' in path_figure([group]).axes[0].get_title()
 
 
-@pytest.mark.parametrize("rows", [0, 1, 600])
+@pytest.mark.parametrize('rows', [0, 1, 600])
 def test_a_run_that_was_broken_off_is_drawn(runs: Path, tmp_path: Path, rows: int) -> None:
-    directory = broken_off(tmp_path / "cut", rows)
+    directory = broken_off(tmp_path / 'cut', rows)
     assert load_run(directory).rows == rows
-    assert names(write_figures([directory], tmp_path / "out")) >= pairs("paths", "signals")
+    assert names(write_figures([directory], tmp_path / 'out')) >= pairs('paths', 'signals')
 
 
 def test_a_broken_off_run_is_drawn_over_a_whole_one(runs: Path, tmp_path: Path) -> None:
-    written = write_figures([broken_off(tmp_path / "cut", 2), runs / "pd_tip"], tmp_path / "out")
-    assert names(written) == pairs("paths", "corners", "signals")
+    written = write_figures([broken_off(tmp_path / 'cut', 2), runs / 'pd_tip'], tmp_path / 'out')
+    assert names(written) == pairs('paths', 'corners', 'signals')
 
 
 def broken_off(directory: Path, rows: int) -> Path:
     """Return a run of which the first rows are left, and no metric is known."""
-    fly(directory, "pd_tip", *SHORT)
-    cut_rows(directory, rows, rest="0.6,1.0,2")
+    fly(directory, 'pd_tip', *SHORT)
+    cut_rows(directory, rows, rest='0.6,1.0,2')
     edit_summary(
         directory,
-        lambda s: s.update(dict.fromkeys(s, None), scenario=s["scenario"], complete=False),
+        lambda s: s.update(dict.fromkeys(s, None), scenario=s['scenario'], complete=False),
     )
     return directory
 
 
 def test_values_that_are_not_finite_leave_gaps(runs: Path, tmp_path: Path) -> None:
-    directory = fly(tmp_path / "gaps", "pd_tip", *SHORT)
-    path = directory / "trajectory.csv"
-    rows = path.read_text("ascii").splitlines()
-    for i, value in ((5, "nan"), (6, "inf"), (7, "-inf"), (8, "1e308"), (9, "")):
-        cells = rows[i].split(",")
+    directory = fly(tmp_path / 'gaps', 'pd_tip', *SHORT)
+    path = directory / 'trajectory.csv'
+    rows = path.read_text('ascii').splitlines()
+    for i, value in ((5, 'nan'), (6, 'inf'), (7, '-inf'), (8, '1e308'), (9, '')):
+        cells = rows[i].split(',')
         cells[5] = cells[11] = cells[17] = value
-        rows[i] = ",".join(cells)
-    path.write_text("\n".join(rows) + "\n", "ascii")
-    assert write_figures([directory], tmp_path / "out")
+        rows[i] = ','.join(cells)
+    path.write_text('\n'.join(rows) + '\n', 'ascii')
+    assert write_figures([directory], tmp_path / 'out')
 
 
 def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="not a run"):
-        write_figures([tmp_path], tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    with pytest.raises(RunError, match='not a run'):
+        write_figures([tmp_path], tmp_path / 'out')
+    assert not (tmp_path / 'out').exists()

@@ -1,51 +1,65 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The layers of the package: each imports only from those to its left."""
 
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 
-PACKAGE = "flexarm_ros"
+PACKAGE = 'flexarm_ros'
 ROOT = Path(__file__).resolve().parent.parent / PACKAGE
-LAYERS = ["core", "scenario", "bag", "analysis", "nodes", "launcher", "cli"]
+LAYERS = ['core', 'scenario', 'bag', 'analysis', 'nodes', 'launcher', 'cli']
 # The outermost layer beside the command line, of those who have no ROS: nobody imports it.
-API, API_USES = "api", {"core", "scenario", "bag", "analysis", "api"}
-WITHOUT_ROS = {"core", "scenario", "bag", "analysis", API}
-NODES = {"plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder", "player"}
+API, API_USES = 'api', {'core', 'scenario', 'bag', 'analysis', 'api'}
+WITHOUT_ROS = {'core', 'scenario', 'bag', 'analysis', API}
+NODES = {'plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder', 'player'}
 
 ROS = {
-    *("rclpy", "rcl_interfaces", "ament_index_python", "launch", "launch_ros"),
-    *("builtin_interfaces", "rosgraph_msgs", "std_msgs", "sensor_msgs", "nav_msgs", "std_srvs"),
-    *("geometry_msgs", "diagnostic_msgs", "visualization_msgs", "simulation_interfaces"),
+    *('rclpy', 'rcl_interfaces', 'ament_index_python', 'launch', 'launch_ros'),
+    *('builtin_interfaces', 'rosgraph_msgs', 'std_msgs', 'sensor_msgs', 'nav_msgs', 'std_srvs'),
+    *('geometry_msgs', 'diagnostic_msgs', 'visualization_msgs', 'simulation_interfaces'),
 }
 # What a pure function of numbers has no use for: files, clocks, the system, randomness of its own.
 IMPURE = {
-    *("os", "io", "pathlib", "shutil", "tempfile", "sys", "subprocess", "socket", "threading"),
-    *("time", "datetime", "random", "secrets", "uuid", "logging", "multiprocessing", "asyncio"),
+    *('os', 'io', 'pathlib', 'shutil', 'tempfile', 'sys', 'subprocess', 'socket', 'threading'),
+    *('time', 'datetime', 'random', 'secrets', 'uuid', 'logging', 'multiprocessing', 'asyncio'),
 }
-GENERATORS = {"Generator", "Philox", "PCG64", "SeedSequence", "BitGenerator"}
+GENERATORS = {'Generator', 'Philox', 'PCG64', 'SeedSequence', 'BitGenerator'}
 
 
 def imports(tree: ast.Module, module: str, is_package: bool) -> Iterator[str]:
     """Yield the dotted name of everything that a module imports, wherever in it."""
-    base = module.split(".") if is_package else module.split(".")[:-1]
+    base = module.split('.') if is_package else module.split('.')[:-1]
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             start = base[: len(base) - node.level + 1] if node.level else []
-            prefix = ".".join([*start, *([node.module] if node.module else [])])
-            yield from (f"{prefix}.{alias.name}" for alias in node.names)
+            prefix = '.'.join([*start, *([node.module] if node.module else [])])
+            yield from (f'{prefix}.{alias.name}' for alias in node.names)
 
 
 def layer_of(name: str) -> str | None:
     """Return the layer of a dotted name in the package, None for the package itself."""
-    parts = name.split(".")
+    parts = name.split('.')
     return parts[1] if len(parts) > 1 and parts[0] == PACKAGE else None
 
 
@@ -54,27 +68,27 @@ def complaints(source: str, module: str, is_package: bool = False) -> list[str]:
     tree = ast.parse(source)
     names = list(imports(tree, module, is_package))
     layer = layer_of(module)
-    own = [name for name in names if name.split(".")[0] == PACKAGE]
+    own = [name for name in names if name.split('.')[0] == PACKAGE]
     found = []
     if layer in LAYERS or layer == API:
         allowed = API_USES if layer == API else set(LAYERS[: LAYERS.index(layer) + 1])
         for name in own:
             # The bare package is where things are, and what version it is; it imports nothing.
             if name != PACKAGE and layer_of(name) not in allowed:
-                found.append(f"{layer} imports {name}")
-    elif layer == "ros2_standin":
-        found += [f"the stand-in imports {name}" for name in own if layer_of(name) != layer]
+                found.append(f'{layer} imports {name}')
+    elif layer == 'ros2_standin':
+        found += [f'the stand-in imports {name}' for name in own if layer_of(name) != layer]
     if layer in WITHOUT_ROS:
-        found += [f"{layer} imports {name}" for name in names if name.split(".")[0] in ROS]
-    if layer == "core":
-        found += [f"core imports {name}" for name in names if name.split(".")[0] in IMPURE]
+        found += [f'{layer} imports {name}' for name in names if name.split('.')[0] in ROS]
+    if layer == 'core':
+        found += [f'core imports {name}' for name in names if name.split('.')[0] in IMPURE]
         found += impure_calls(tree)
-    parts = module.split(".")
-    if layer == "nodes" and parts[-1] in NODES:
+    parts = module.split('.')
+    if layer == 'nodes' and parts[-1] in NODES:
         for name in own:
-            other = name.split(".")[2] if layer_of(name) == "nodes" else ""
+            other = name.split('.')[2] if layer_of(name) == 'nodes' else ''
             if other in NODES - {parts[-1]}:
-                found.append(f"node {parts[-1]} imports node {other}")
+                found.append(f'node {parts[-1]} imports node {other}')
     return found
 
 
@@ -82,48 +96,48 @@ def impure_calls(tree: ast.Module) -> Iterator[str]:
     """Yield the calls that open files, print, or draw from NumPy's global generator."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            if node.func.id in {"open", "print", "input", "exec", "eval"}:
-                yield f"core calls {node.func.id}()"
+            if node.func.id in {'open', 'print', 'input', 'exec', 'eval'}:
+                yield f'core calls {node.func.id}()'
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Attribute):
-            used = node.attr if node.value.attr == "random" else None
+            used = node.attr if node.value.attr == 'random' else None
             if used is not None and used not in GENERATORS:
-                yield f"core uses numpy.random.{used}"
+                yield f'core uses numpy.random.{used}'
 
 
 def modules() -> list[Path]:
-    return sorted(ROOT.rglob("*.py"))
+    return sorted(ROOT.rglob('*.py'))
 
 
 def dotted(path: Path) -> str:
-    parts = list(path.relative_to(ROOT.parent).with_suffix("").parts)
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+    parts = list(path.relative_to(ROOT.parent).with_suffix('').parts)
+    return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
 
 
-@pytest.mark.parametrize("path", modules(), ids=dotted)
+@pytest.mark.parametrize('path', modules(), ids=dotted)
 def test_module_keeps_to_its_layer(path: Path) -> None:
-    found = complaints(path.read_text("utf-8"), dotted(path), path.name == "__init__.py")
-    assert not found, "\n".join(found)
+    found = complaints(path.read_text('utf-8'), dotted(path), path.name == '__init__.py')
+    assert not found, '\n'.join(found)
 
 
 def test_every_subpackage_has_a_layer() -> None:
-    found = {path.parent.relative_to(ROOT).parts[0] for path in ROOT.glob("*/**/*.py")}
-    assert found - {*LAYERS, API, "ros2_standin"} == set()
+    found = {path.parent.relative_to(ROOT).parts[0] for path in ROOT.glob('*/**/*.py')}
+    assert found - {*LAYERS, API, 'ros2_standin'} == set()
 
 
-@pytest.mark.parametrize("layer", sorted(WITHOUT_ROS))
+@pytest.mark.parametrize('layer', sorted(WITHOUT_ROS))
 def test_layer_loads_without_ros(layer: str) -> None:
     code = (
-        "import importlib, pkgutil, sys\n"
+        'import importlib, pkgutil, sys\n'
         f"package = importlib.import_module('{PACKAGE}.{layer}')\n"
         "for found in pkgutil.walk_packages(package.__path__, package.__name__ + '.'):\n"
-        "    try:\n"
-        "        importlib.import_module(found.name)\n"
-        "    except ImportError as error:\n"
+        '    try:\n'
+        '        importlib.import_module(found.name)\n'
+        '    except ImportError as error:\n'
         "        assert 'flexarm_ros[' in str(error), error\n"  # an extra that is not installed
-        f"print(*sorted(sys.modules.keys() & set({sorted(ROS)})))\n"
+        f'print(*sorted(sys.modules.keys() & set({sorted(ROS)})))\n'
     )
     loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True, timeout=60
     )
     assert loaded.stdout.split() == []
 
@@ -132,47 +146,51 @@ def test_nobody_uses_the_standin() -> None:
     users = [
         dotted(path)
         for path in modules()
-        if layer_of(dotted(path)) != "ros2_standin" and "ros2_standin" in path.read_text("utf-8")
+        if layer_of(dotted(path)) != 'ros2_standin' and 'ros2_standin' in path.read_text('utf-8')
     ]
     assert users == []
 
 
 @pytest.mark.parametrize(
-    ("module", "source", "complaint"),
+    ('module', 'source', 'complaint'),
     [
-        ("core.plant", "from flexarm_ros.bag import cdr", "core imports flexarm_ros.bag.cdr"),
-        ("core.plant", "from ..bag import cdr", "core imports flexarm_ros.bag.cdr"),
-        ("core.plant", "from .. import bag", "core imports flexarm_ros.bag"),
-        ("core.plant", "def f():\n    import time", "core imports time"),
-        ("core.plant", "from os import path", "core imports os.path"),
-        ("core.plant", "open('x')", "core calls open()"),
-        ("core.plant", "np.random.normal()", "core uses numpy.random.normal"),
-        ("core.plant", "np.random.default_rng()", "core uses numpy.random.default_rng"),
-        ("bag.cdr", "import rclpy", "bag imports rclpy"),
-        ("scenario.check", "import rclpy.node", "scenario imports rclpy.node"),
-        ("analysis.x", "from flexarm_ros.nodes import main", "analysis imports"),
-        ("nodes.x", "import flexarm_ros.launcher", "nodes imports flexarm_ros.launcher"),
-        ("nodes.plant", "from flexarm_ros.nodes import encoder", "node plant imports node encoder"),
-        ("nodes.plant", "from flexarm_ros.nodes.encoder import E", "node plant imports node enc"),
-        ("ros2_standin.x", "from flexarm_ros.core import plant", "the stand-in imports"),
-        ("api.run", "from flexarm_ros.launcher import run", "api imports flexarm_ros.launcher"),
-        ("api.run", "import rclpy", "api imports rclpy"),
-        ("cli.run", "from flexarm_ros.api import run", "cli imports flexarm_ros.api"),
+        ('core.plant', 'from flexarm_ros.bag import cdr', 'core imports flexarm_ros.bag.cdr'),
+        ('core.plant', 'from ..bag import cdr', 'core imports flexarm_ros.bag.cdr'),
+        ('core.plant', 'from .. import bag', 'core imports flexarm_ros.bag'),
+        ('core.plant', 'def f():\n    import time', 'core imports time'),
+        ('core.plant', 'from os import path', 'core imports os.path'),
+        ('core.plant', "open('x')", 'core calls open()'),
+        ('core.plant', 'np.random.normal()', 'core uses numpy.random.normal'),
+        ('core.plant', 'np.random.default_rng()', 'core uses numpy.random.default_rng'),
+        ('bag.cdr', 'import rclpy', 'bag imports rclpy'),
+        ('scenario.check', 'import rclpy.node', 'scenario imports rclpy.node'),
+        ('analysis.x', 'from flexarm_ros.nodes import main', 'analysis imports'),
+        ('nodes.x', 'import flexarm_ros.launcher', 'nodes imports flexarm_ros.launcher'),
+        (
+            'nodes.plant',
+            'from flexarm_ros.nodes import encoder',
+            'node plant imports node encoder',
+        ),
+        ('nodes.plant', 'from flexarm_ros.nodes.encoder import E', 'node plant imports node enc'),
+        ('ros2_standin.x', 'from flexarm_ros.core import plant', 'the stand-in imports'),
+        ('api.run', 'from flexarm_ros.launcher import run', 'api imports flexarm_ros.launcher'),
+        ('api.run', 'import rclpy', 'api imports rclpy'),
+        ('cli.run', 'from flexarm_ros.api import run', 'cli imports flexarm_ros.api'),
     ],
 )
 def test_breaches_are_seen(module: str, source: str, complaint: str) -> None:
-    found = complaints(source, f"{PACKAGE}.{module}")
+    found = complaints(source, f'{PACKAGE}.{module}')
     assert any(line.startswith(complaint) for line in found), found
 
 
 @pytest.mark.parametrize(
-    ("module", "source"),
+    ('module', 'source'),
     [
-        ("core.plant", "from flexarm_ros.core import beam\nimport math"),
-        ("core.sensors", "import numpy as np\nnp.random.Generator(np.random.Philox(1))"),
-        ("nodes.plant", "from flexarm_ros.nodes.participant import Participant\nimport rclpy"),
-        ("cli.run", "from flexarm_ros.core import plant\nimport time"),
+        ('core.plant', 'from flexarm_ros.core import beam\nimport math'),
+        ('core.sensors', 'import numpy as np\nnp.random.Generator(np.random.Philox(1))'),
+        ('nodes.plant', 'from flexarm_ros.nodes.participant import Participant\nimport rclpy'),
+        ('cli.run', 'from flexarm_ros.core import plant\nimport time'),
     ],
 )
 def test_what_is_allowed_passes(module: str, source: str) -> None:
-    assert complaints(source, f"{PACKAGE}.{module}") == []
+    assert complaints(source, f'{PACKAGE}.{module}') == []

@@ -1,13 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Further tip sensors in one run: measured, recorded and verified as the first one is."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
-import pytest
-from nodetools import flexarm, start_node, wait_for, write_scenario
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.reader import BagReader
@@ -16,12 +26,15 @@ from flexarm_ros.bag.topics import COMMAND, TIP
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.loop import ClosedLoop
+from nodetools import flexarm, start_node, wait_for, write_scenario
+import numpy as np
+import pytest
 
-SETS = ["duration=0.2", "tip_sensor.more_locations=[4.5, 6.75, 9]", "tip_sensor.latency=0.0"]
+SETS = ['duration=0.2', 'tip_sensor.more_locations=[4.5, 6.75, 9]', 'tip_sensor.latency=0.0']
 
 
 def test_each_measures_its_own_place(tmp_path: Path) -> None:
-    config = scenario.load("fls_tip", SETS)
+    config = scenario.load('fls_tip', SETS)
     loop = ClosedLoop(config)
     for _ in range(50):
         record = loop.tick()
@@ -41,37 +54,37 @@ def test_each_measures_its_own_place(tmp_path: Path) -> None:
 
 
 def test_they_are_recorded_and_verified(tmp_path: Path) -> None:
-    config = scenario.load("fls_tip", SETS)
-    simulate(config, tmp_path / "run")
-    reader = BagReader(tmp_path / "run")
+    config = scenario.load('fls_tip', SETS)
+    simulate(config, tmp_path / 'run')
+    reader = BagReader(tmp_path / 'run')
     names = [topic.path for topic in reader.topics]
-    assert names[COMMAND + 1 :] == [f"/tip_sensor/odometry_{i}" for i in (1, 2, 3)]
+    assert names[COMMAND + 1 :] == [f'/tip_sensor/odometry_{i}' for i in (1, 2, 3)]
     blocks = list(reader.blocks())
     tip, third = (np.concatenate([b.values[i] for b in blocks]) for i in (TIP, COMMAND + 3))
     assert len(tip) == 200
     assert np.array_equal(tip, third)
-    verdict = verify(tmp_path / "run")
+    verdict = verify(tmp_path / 'run')
     assert verdict.same
-    assert verdict.compared["tip_sensor"] == 4 * 200
+    assert verdict.compared['tip_sensor'] == 4 * 200
 
 
-@pytest.mark.parametrize("place", ["4.4", "9.1"])
+@pytest.mark.parametrize('place', ['4.4', '9.1'])
 def test_a_place_beyond_link_2_is_refused(tmp_path: Path, place: str) -> None:
-    done = flexarm("simulate", "fls_tip", "--set", f"tip_sensor.more_locations=[9.0, {place}]",
-                   "--out", tmp_path / "run")  # fmt: skip
+    done = flexarm('simulate', 'fls_tip', '--set', f'tip_sensor.more_locations=[9.0, {place}]',
+                   '--out', tmp_path / 'run')  # fmt: skip
     assert done.returncode == 2
-    assert "tip_sensor.more_locations" in done.stderr
-    assert "allowed: 4.5 (elbow) to 9.0 m (tip)" in done.stderr
-    assert not (tmp_path / "run").exists()
+    assert 'tip_sensor.more_locations' in done.stderr
+    assert 'allowed: 4.5 (elbow) to 9.0 m (tip)' in done.stderr
+    assert not (tmp_path / 'run').exists()
 
 
 @pytest.mark.nodes
 def test_every_way_of_flying_gives_the_same_bytes(tmp_path: Path) -> None:
-    words = [word for text in (*SETS, "tip_sensor.noise_std=0.01") for word in ("--set", text)]
-    for way in (["simulate"], ["run"], ["run", "--compose"]):
-        done = flexarm(*way, "fls_tip", *words, "--no-pictures", "--out", tmp_path / way[-1])
+    words = [word for text in (*SETS, 'tip_sensor.noise_std=0.01') for word in ('--set', text)]
+    for way in (['simulate'], ['run'], ['run', '--compose']):
+        done = flexarm(*way, 'fls_tip', *words, '--no-pictures', '--out', tmp_path / way[-1])
         assert done.returncode == 0, done.stderr
-    bags = [file.read_bytes() for file in tmp_path.glob("*/bag/bag_0.mcap")]
+    bags = [file.read_bytes() for file in tmp_path.glob('*/bag/bag_0.mcap')]
     assert len(bags) == 3
     assert len(set(bags)) == 1
 
@@ -79,17 +92,17 @@ def test_every_way_of_flying_gives_the_same_bytes(tmp_path: Path) -> None:
 @pytest.mark.nodes
 def test_the_sensor_alone_may_ask_for_more(tmp_path: Path, ros_domain: int) -> None:
     """The recorder learns of further sensors from the tip sensor's own parameters."""
-    file = write_scenario(tmp_path / "s.yaml", "fls_tip", "duration=0.1")
-    more = {"tip_sensor": ["-p", "more_locations:=[6.0]"],
-            "recorder": ["-p", f"output:={tmp_path / 'run'}"]}  # fmt: skip
-    roles = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+    file = write_scenario(tmp_path / 's.yaml', 'fls_tip', 'duration=0.1')
+    more = {'tip_sensor': ['-p', 'more_locations:=[6.0]'],
+            'recorder': ['-p', f"output:={tmp_path / 'run'}"]}  # fmt: skip
+    roles = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
     nodes = [start_node(role, file, *more.get(role, [])) for role in roles]
     try:
-        wait_for(lambda: all(n.poll() is not None for n in nodes), 120, "the run has ended")
+        wait_for(lambda: all(n.poll() is not None for n in nodes), 120, 'the run has ended')
     finally:
         for node in nodes:
             if node.poll() is None:
                 node.kill()
         texts = [node.communicate()[0] for node in nodes]
     assert [node.returncode for node in nodes] == [0] * 6, texts
-    assert verify(tmp_path / "run").compared["tip_sensor"] == 2 * 100
+    assert verify(tmp_path / 'run').compared['tip_sensor'] == 2 * 100

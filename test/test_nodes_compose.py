@@ -1,20 +1,34 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`flexarm run --compose`: nodes of one process hand messages over; others see and do the same."""
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
+import threading
 
-import pytest
 from nodetools import flexarm, wait_for
+import pytest
 
 pytestmark = pytest.mark.nodes
 
 
 def composed(out: Path, done: list, *words: str) -> threading.Thread:
     """Start a composed run of a second at real time on a thread; its end goes to ``done``."""
-    command = ("run", "fls_tip", "--compose", "--rtf", "1", "--set", "duration=1.0",
-               "--no-pictures", "--out", out, *words)  # fmt: skip
+    command = ('run', 'fls_tip', '--compose', '--rtf', '1', '--set', 'duration=1.0',
+               '--no-pictures', '--out', out, *words)  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*command)))
     run.start()
     return run
@@ -29,26 +43,26 @@ def test_who_listens_gets_every_message(tmp_path: Path, ros_domain: int, rclpy_n
     def heard(message: JointState) -> None:
         stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
 
-    node.create_subscription(JointState, "/joint_command", heard, 1000)
+    node.create_subscription(JointState, '/joint_command', heard, 1000)
     done: list = []
-    run = composed(tmp_path / "run", done)
+    run = composed(tmp_path / 'run', done)
     try:
         while run.is_alive():
             executor.spin_once(timeout_sec=0.1)
-        wait_for(lambda: executor.spin_once(0.1) or stamps[-1:] == [1_999_000_000], 20, "the end")
+        wait_for(lambda: executor.spin_once(0.1) or stamps[-1:] == [1_999_000_000], 20, 'the end')
     finally:
         run.join(120)
     assert done[0].returncode == 0, done[0].stderr
     # It may have been found a little after the start; from then on nothing is left out.
     assert stamps == list(range(stamps[0], 2_000_000_000, 1_000_000))
-    simulated = flexarm("simulate", "fls_tip", "--set", "duration=1.0", "--no-pictures",
-                        "--out", tmp_path / "sim")  # fmt: skip
+    simulated = flexarm('simulate', 'fls_tip', '--set', 'duration=1.0', '--no-pictures',
+                        '--out', tmp_path / 'sim')  # fmt: skip
     assert simulated.returncode == 0
-    bags = [(tmp_path / way / "bag" / "bag_0.mcap").read_bytes() for way in ("run", "sim")]
+    bags = [(tmp_path / way / 'bag' / 'bag_0.mcap').read_bytes() for way in ('run', 'sim')]
     assert bags[0] == bags[1]
 
 
-@pytest.mark.parametrize("on_invalid", ["error", "ignore"])
+@pytest.mark.parametrize('on_invalid', ['error', 'ignore'])
 def test_who_speaks_in_anothers_place_is_noticed(
     tmp_path: Path, ros_domain: int, rclpy_node, on_invalid: str
 ) -> None:
@@ -58,26 +72,26 @@ def test_who_speaks_in_anothers_place_is_noticed(
     clocks: list = []
     from rosgraph_msgs.msg import Clock
 
-    node.create_subscription(Clock, "/clock", clocks.append, 1000)
+    node.create_subscription(Clock, '/clock', clocks.append, 1000)
     done: list = []
-    run = composed(tmp_path / "run", done, "--set", f"on_invalid={on_invalid}")
+    run = composed(tmp_path / 'run', done, '--set', f'on_invalid={on_invalid}')
     stranger = None
     try:
         while run.is_alive():
             executor.spin_once(timeout_sec=0.01)
             if clocks and stranger is None:  # the run has begun: who comes earlier is refused
-                stranger = node.create_publisher(JointState, "/joint_command", 10)
+                stranger = node.create_publisher(JointState, '/joint_command', 10)
             if stranger is not None:
                 stranger.publish(JointState(effort=[1e6, 1e6]))
     finally:
         run.join(120)
-    if on_invalid == "error":
+    if on_invalid == 'error':
         assert done[0].returncode == 1
-        assert "invalid message on joint_command" in done[0].stderr
+        assert 'invalid message on joint_command' in done[0].stderr
     else:
         assert done[0].returncode == 0, done[0].stderr
-        log = (tmp_path / "run" / "logs" / "compose.log").read_text()
-        assert "invalid messages, last on joint_command" in log
+        log = (tmp_path / 'run' / 'logs' / 'compose.log').read_text()
+        assert 'invalid messages, last on joint_command' in log
 
 
 def test_another_arms_clock_is_passed_over_while_the_nodes_join(
@@ -86,9 +100,9 @@ def test_another_arms_clock_is_passed_over_while_the_nodes_join(
     from rosgraph_msgs.msg import Clock
 
     node, executor = rclpy_node
-    clock = node.create_publisher(Clock, "/clock", 10)
+    clock = node.create_publisher(Clock, '/clock', 10)
     done: list = []
-    run = composed(tmp_path / "run", done, "--set", "duration=0.1")
+    run = composed(tmp_path / 'run', done, '--set', 'duration=0.1')
     try:
         while run.is_alive():
             executor.spin_once(timeout_sec=0.002)

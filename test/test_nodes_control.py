@@ -1,12 +1,26 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Run control: pause, step, speed, reset; a reset run gives the bytes of a fresh one."""
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
+import threading
 
-import pytest
 from nodetools import Asker, flexarm, wait_for
+import pytest
 
 pytestmark = pytest.mark.nodes
 
@@ -17,9 +31,9 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
     from std_srvs.srv import SetBool, Trigger
 
     node, executor = rclpy_node
-    kinds = {"pause": SetBool, "step": Trigger, "reset": Trigger, "state": Trigger,
-             "set_parameters": SetParameters}  # fmt: skip
-    clients = {name: node.create_client(kind, f"/plant/{name}") for name, kind in kinds.items()}
+    kinds = {'pause': SetBool, 'step': Trigger, 'reset': Trigger, 'state': Trigger,
+             'set_parameters': SetParameters}  # fmt: skip
+    clients = {name: node.create_client(kind, f'/plant/{name}') for name, kind in kinds.items()}
 
     def call(name: str, **request: object):
         future = clients[name].call_async(kinds[name].Request(**request))
@@ -28,46 +42,46 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
         return future.result()
 
     def tick() -> int:
-        return int(call("state").message.split("tick ")[1].split(",")[0])
+        return int(call('state').message.split('tick ')[1].split(',')[0])
 
     def paused() -> bool:
-        return call("state").message.startswith("paused")
+        return call('state').message.startswith('paused')
 
     done = []
-    words = ("run", "pd_tip", "--set", "duration=1.0", "--rtf", "0.2", "--no-pictures",
-             "--out", tmp_path / "run")  # fmt: skip
+    words = ('run', 'pd_tip', '--set', 'duration=1.0', '--rtf', '0.2', '--no-pictures',
+             '--out', tmp_path / 'run')  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*words)))
     run.start()
     try:
-        assert clients["state"].wait_for_service(60)
-        wait_for(lambda: tick() > 20, 60, "the run has begun")
-        assert not call("step").success  # not paused
-        assert call("pause", data=True).success
+        assert clients['state'].wait_for_service(60)
+        wait_for(lambda: tick() > 20, 60, 'the run has begun')
+        assert not call('step').success  # not paused
+        assert call('pause', data=True).success
         before = tick()
-        wait_for(paused, 10, "the plant says that it is paused")
+        wait_for(paused, 10, 'the plant says that it is paused')
         held = tick()
         assert held - before <= 1
         for _ in range(3):
-            assert call("step").success
-        wait_for(paused, 10, "the steps are done")
+            assert call('step').success
+        wait_for(paused, 10, 'the steps are done')
         assert tick() == held + 3
         ask = Asker(node, executor)
-        assert ask.set("controller", "kp", 80.0).successful
-        assert ask.get("controller", "kp") == 80.0
-        assert call("reset").success
-        assert call("pause", data=False).success
+        assert ask.set('controller', 'kp', 80.0).successful
+        assert ask.get('controller', 'kp') == 80.0
+        assert call('reset').success
+        assert call('pause', data=False).success
         assert tick() < held
-        wait_for(lambda: tick() > held, 60, "the run goes on after the reset")
-        assert ask.get("controller", "kp") == 150.79  # as a fresh run has it
+        wait_for(lambda: tick() > held, 60, 'the run goes on after the reset')
+        assert ask.get('controller', 'kp') == 150.79  # as a fresh run has it
         fast = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.0)
-        change = [Parameter(name="real_time_factor", value=fast)]
-        assert call("set_parameters", parameters=change).results[0].successful
+        change = [Parameter(name='real_time_factor', value=fast)]
+        assert call('set_parameters', parameters=change).results[0].successful
     finally:
         run.join(120)
     assert done[0].returncode == 0, done[0].stderr
-    assert (tmp_path / "run" / "bag-before-reset-1" / "metadata.yaml").exists()
-    fresh = flexarm("simulate", "pd_tip", "--set", "duration=1.0", "--no-pictures",
-                    "--out", tmp_path / "fresh")  # fmt: skip
+    assert (tmp_path / 'run' / 'bag-before-reset-1' / 'metadata.yaml').exists()
+    fresh = flexarm('simulate', 'pd_tip', '--set', 'duration=1.0', '--no-pictures',
+                    '--out', tmp_path / 'fresh')  # fmt: skip
     assert fresh.returncode == 0, fresh.stderr
-    for file in ("bag/bag_0.mcap", "trajectory.csv"):
-        assert (tmp_path / "run" / file).read_bytes() == (tmp_path / "fresh" / file).read_bytes()
+    for file in ('bag/bag_0.mcap', 'trajectory.csv'):
+        assert (tmp_path / 'run' / file).read_bytes() == (tmp_path / 'fresh' / file).read_bytes()

@@ -1,60 +1,76 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Somebody else's controller in the loop, and a controller against a recorded run."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 import subprocess
 import sys
-from pathlib import Path
 
+from nodetools import finish, flexarm, ROOT, start_node, write_scenario
 import pytest
-from nodetools import ROOT, finish, flexarm, start_node, write_scenario
 
 pytestmark = pytest.mark.nodes
-EXAMPLE = ROOT / "examples" / "minimal_controller.py"
+EXAMPLE = ROOT / 'examples' / 'minimal_controller.py'
 
 
 def test_the_example_controller_flies_in_lockstep(tmp_path: Path, ros_domain: int) -> None:
     example = subprocess.Popen([sys.executable, str(EXAMPLE)], cwd=ROOT)
     try:
-        out = tmp_path / "run"
-        done = flexarm("run", "pd_collocated", "--set", "duration=0.5", "--without", "controller",
-                       "--no-pictures", "--out", out)  # fmt: skip
+        out = tmp_path / 'run'
+        done = flexarm('run', 'pd_collocated', '--set', 'duration=0.5', '--without', 'controller',
+                       '--no-pictures', '--out', out)  # fmt: skip
         assert done.returncode == 0, done.stderr
         assert example.poll() is None
     finally:
         example.terminate()
         example.wait()
-    rows = (out / "trajectory.csv").read_text().splitlines()
+    rows = (out / 'trajectory.csv').read_text().splitlines()
     assert len(rows) == 501
-    cell = dict(zip(rows[0].split(","), rows[1].split(","), strict=True))
+    cell = dict(zip(rows[0].split(','), rows[1].split(','), strict=True))
     # The first torque is the example's own law at the first state, at rest.
-    assert float(cell["tau1"]) == 2000.0 * (
-        -3 * 3.141592653589793 / 4 - 0.14 - float(cell["theta1"])
+    assert float(cell['tau1']) == 2000.0 * (
+        -3 * 3.141592653589793 / 4 - 0.14 - float(cell['theta1'])
     )
-    assert json.loads((out / "summary.json").read_text())["stable"] is True
+    assert json.loads((out / 'summary.json').read_text())['stable'] is True
 
 
 def test_the_protocol_page_shows_the_example_that_is_tested() -> None:
-    assert len(EXAMPLE.read_text().splitlines()) <= 45
-    assert "examples/minimal_controller.py" in (ROOT / "docs" / "protocol.md").read_text()
+    _, _, code = EXAMPLE.read_text().partition('\n\n')  # below the licence
+    assert code.startswith('"""')
+    assert len(code.splitlines()) <= 45
+    assert 'examples/minimal_controller.py' in (ROOT / 'docs' / 'protocol.md').read_text()
 
 
 def test_our_controller_repeats_a_recorded_run(tmp_path: Path, ros_domain: int) -> None:
-    file = write_scenario(tmp_path / "s.yaml", "fls_mid", "duration=0.3")
-    out = tmp_path / "run"
-    assert flexarm("simulate", file, "--no-pictures", "--out", out).returncode == 0
-    controller = start_node("controller", file)
-    done = flexarm("replay", out, "--without", "controller")
+    file = write_scenario(tmp_path / 's.yaml', 'fls_mid', 'duration=0.3')
+    out = tmp_path / 'run'
+    assert flexarm('simulate', file, '--no-pictures', '--out', out).returncode == 0
+    controller = start_node('controller', file)
+    done = flexarm('replay', out, '--without', 'controller')
     (text,) = finish([controller])
     assert done.returncode == 0, done.stderr
     assert controller.returncode == 0, text
-    assert "300 torques, 300 equal to the recorded ones" in done.stderr + done.stdout
+    assert '300 torques, 300 equal to the recorded ones' in done.stderr + done.stdout
 
 
 def test_a_replay_publishes_every_message_again(tmp_path: Path, ros_domain: int) -> None:
-    out = tmp_path / "run"
-    assert flexarm("simulate", "pd_tip", "--set", "duration=0.2", "--no-pictures", "--out", out
+    out = tmp_path / 'run'
+    assert flexarm('simulate', 'pd_tip', '--set', 'duration=0.2', '--no-pictures', '--out', out
                    ).returncode == 0  # fmt: skip
     code = """
 import rclpy, sys
@@ -71,22 +87,22 @@ while len(clocks) < 200 or len(torques) < 200:
 print([c.sec * 10**9 + c.nanosec for c in clocks] == [10**9 + k * 10**6 for k in range(200)])
 print(list(torques[-1]))
 """
-    listener = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    listener = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
     try:
         assert listener.stdout is not None
-        assert listener.stdout.readline() == "listening\n"
-        done = flexarm("replay", out, "--rate", "2", "--delay", "3")
+        assert listener.stdout.readline() == 'listening\n'
+        done = flexarm('replay', out, '--rate', '2', '--delay', '3')
         assert done.returncode == 0, done.stderr
     finally:
         (text,) = finish([listener], timeout=30.0)
     in_order, last = text.splitlines()
-    assert in_order == "True"
-    row = (out / "trajectory.csv").read_text().splitlines()[-1].split(",")
+    assert in_order == 'True'
+    row = (out / 'trajectory.csv').read_text().splitlines()[-1].split(',')
     assert json.loads(last) == [float(row[-3]), float(row[-2])]
 
 
 def test_replay_of_what_is_no_run_is_refused(tmp_path: Path) -> None:
-    done = flexarm("replay", tmp_path)
+    done = flexarm('replay', tmp_path)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) <= 2
-    assert "Traceback" not in done.stderr
+    assert 'Traceback' not in done.stderr

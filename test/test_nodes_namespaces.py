@@ -1,11 +1,25 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Two arms in two namespaces of one graph, and what they tell on /diagnostics."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from nodetools import finish, flexarm, ROLES, start_node, wait_for, write_scenario
 import pytest
-from nodetools import ROLES, finish, flexarm, start_node, wait_for, write_scenario
 
 pytestmark = pytest.mark.nodes
 
@@ -16,9 +30,9 @@ def value(status, key: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "roles",
-    [["compose"], pytest.param(ROLES, marks=pytest.mark.slow)],
-    ids=["two processes", "twelve processes"],
+    'roles',
+    [['compose'], pytest.param(ROLES, marks=pytest.mark.slow)],
+    ids=['two processes', 'twelve processes'],
 )
 def test_two_arms_fly_in_lockstep_each(
     tmp_path: Path, ros_domain: int, rclpy_node, roles: list[str]
@@ -32,23 +46,23 @@ def test_two_arms_fly_in_lockstep_each(
         for status in message.status:
             told.setdefault(status.name, []).append(status)
 
-    node.create_subscription(DiagnosticArray, "/diagnostics", heard, 1000)
-    arms = {"left": "fls_tip", "right": "pd_mid"}
+    node.create_subscription(DiagnosticArray, '/diagnostics', heard, 1000)
+    arms = {'left': 'fls_tip', 'right': 'pd_mid'}
     files = {
-        arm: write_scenario(tmp_path / f"{arm}.yaml", name, "duration=0.6")
+        arm: write_scenario(tmp_path / f'{arm}.yaml', name, 'duration=0.6')
         for arm, name in arms.items()
     }
     processes = []
     for arm, file in files.items():
         own = {
-            "recorder": ["-p", f"recorder:output:={tmp_path / arm}"],
-            "plant": ["-p", "plant:real_time_factor:=0.2"],
+            'recorder': ['-p', f'recorder:output:={tmp_path / arm}'],
+            'plant': ['-p', 'plant:real_time_factor:=0.2'],
         }
         for role in roles:
-            words = ["-r", f"__ns:=/{arm}"]
-            words += own.get(role, []) if role != "compose" else sum(own.values(), [])
-            if arm == "right":  # and a topic and a node of another name
-                words += ["-r", "joint_command:=torque", "-r", "controller:__node:=pilot"]
+            words = ['-r', f'__ns:=/{arm}']
+            words += own.get(role, []) if role != 'compose' else sum(own.values(), [])
+            if arm == 'right':  # and a topic and a node of another name
+                words += ['-r', 'joint_command:=torque', '-r', 'controller:__node:=pilot']
             processes.append(start_node(role, file, *words))
     try:
         # While both fly, every one of the twelve has told that it is under way.
@@ -60,25 +74,25 @@ def test_two_arms_fly_in_lockstep_each(
             ended = [process for process in processes if process.poll() not in (None, 0)]
             assert not ended, [process.communicate()[0] for process in ended]
             return all(
-                any(value(s, "phase") == "running" for s in told.get(name, [])) for name in names
+                any(value(s, 'phase') == 'running' for s in told.get(name, [])) for name in names
             )
 
-        wait_for(all_told, 90, "all twelve nodes say that they run")
+        wait_for(all_told, 90, 'all twelve nodes say that they run')
     finally:
         texts = finish(processes)
     assert [p.returncode for p in processes] == [0] * len(processes), texts
     assert set(told) == names
-    plant = [s for s in told["/left/plant: lock-step"] if value(s, "phase") == "running"][-1]
-    assert plant.level == b"\x00"
-    assert value(plant, "participant controller").endswith("(/left/controller)")
-    assert value(plant, "ticks of the run") == "600"
-    assert float(value(plant, "real-time factor")) > 0.0
-    assert float(value(plant, "longest wait (ms)")) > 0.0
-    assert value(plant, "rejected messages") == "0"
+    plant = [s for s in told['/left/plant: lock-step'] if value(s, 'phase') == 'running'][-1]
+    assert plant.level == b'\x00'
+    assert value(plant, 'participant controller').endswith('(/left/controller)')
+    assert value(plant, 'ticks of the run') == '600'
+    assert float(value(plant, 'real-time factor')) > 0.0
+    assert float(value(plant, 'longest wait (ms)')) > 0.0
+    assert value(plant, 'rejected messages') == '0'
     for arm, file in files.items():
-        sim = tmp_path / f"sim_{arm}"
-        assert flexarm("simulate", file, "--no-pictures", "--out", sim).returncode == 0
-        ours, theirs = ((d / "trajectory.csv").read_bytes() for d in (tmp_path / arm, sim))
+        sim = tmp_path / f'sim_{arm}'
+        assert flexarm('simulate', file, '--no-pictures', '--out', sim).returncode == 0
+        ours, theirs = ((d / 'trajectory.csv').read_bytes() for d in (tmp_path / arm, sim))
         assert ours == theirs
 
 
@@ -87,20 +101,20 @@ def test_a_missing_participant_is_told(tmp_path: Path, ros_domain: int, rclpy_no
 
     node, executor = rclpy_node
     heard: list = []
-    node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 100)
-    file = write_scenario(tmp_path / "s.yaml", "pd_tip", "start_timeout=4.0")
-    plant = start_node("plant", file)
+    node.create_subscription(DiagnosticArray, '/diagnostics', heard.append, 100)
+    file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'start_timeout=4.0')
+    plant = start_node('plant', file)
     try:
 
         def failed() -> bool:
             executor.spin_once(timeout_sec=0.1)
-            return bool(heard) and heard[-1].status[0].level == b"\x02"
+            return bool(heard) and heard[-1].status[0].level == b'\x02'
 
-        wait_for(failed, 60, "the plant tells of its failure")
+        wait_for(failed, 60, 'the plant tells of its failure')
     finally:
         (text,) = finish([plant])
     assert plant.returncode == 1, text
     first, last = heard[0].status[0], heard[-1].status[0]
-    assert value(first, "participant encoder") == "missing"
-    assert value(first, "phase") == "joining"
-    assert "no encoder" in last.message
+    assert value(first, 'participant encoder') == 'missing'
+    assert value(first, 'phase') == 'joining'
+    assert 'no encoder' in last.message

@@ -1,31 +1,44 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A recorded run published again: pace, steps, loops, a part of it, and a controller against it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from pathlib import Path
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
-import pytest
 from bagtools import small_config, small_messages, write_small
-from nodetools import ROOT, finish, wait_for
-
 from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.nodes.pace import Pace
+from nodetools import finish, ROOT, wait_for
+import pytest
 
 pytestmark = pytest.mark.nodes
 CONFIG = small_config(duration=0.3, chunk=0.1)
 T0, MS = 10**9, 10**6
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("run")
-    write_small(directory / "bag", CONFIG)
+    directory = tmp_path_factory.mktemp('run')
+    write_small(directory / 'bag', CONFIG)
     return directory
 
 
@@ -37,7 +50,7 @@ class Listener:
 
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        self.node = rclpy.create_node("listener", context=self.context)
+        self.node = rclpy.create_node('listener', context=self.context)
         self.executor = rclpy.executors.SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.thread = threading.Thread(target=self._spin)
@@ -64,11 +77,11 @@ class Listener:
     def stamps(self) -> list[int]:
         """Return the ticks of the messages that came on ``/clock``."""
         codec = per_tick_topics(CONFIG)[0].codec
-        return [(codec.decode(data)[0] - T0) // MS for data in list(self.came["/clock"])]
+        return [(codec.decode(data)[0] - T0) // MS for data in list(self.came['/clock'])]
 
     def call(self, name: str, kind: Any, **request: object) -> Any:
         """Call a service of the player."""
-        client = self.node.create_client(kind, f"/player/{name}")
+        client = self.node.create_client(kind, f'/player/{name}')
         assert client.wait_for_service(60)
         future = client.call_async(kind.Request(**request))
         wait_for(future.done, 20, name)
@@ -94,7 +107,7 @@ def listener(ros_domain: int) -> Iterator[Listener]:
 
 def replay(*words: str | Path) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "flexarm_ros.cli", "replay", *map(str, words)],
+        [sys.executable, '-m', 'flexarm_ros.cli', 'replay', *map(str, words)],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
     )  # fmt: skip
 
@@ -105,22 +118,22 @@ def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener)
     from std_srvs.srv import Trigger
 
     listener.hear(0, 1, 5)
-    player = replay(run, "--paused", "--rate", "1e-6", "--topics", "joint_command")
+    player = replay(run, '--paused', '--rate', '1e-6', '--topics', 'joint_command')
     try:
-        wait_for(lambda: listener.node.count_publishers("/joint_command") == 1, 60, "the player")
+        wait_for(lambda: listener.node.count_publishers('/joint_command') == 1, 60, 'the player')
         for count in (1, 2, 3):
-            assert listener.call("play_next", Trigger).success
-            wait_for(lambda n=count: len(listener.came["/joint_command"]) == n, 20, "a step")
-        assert listener.call("toggle_paused", Trigger).message == "playing"
-        assert not listener.call("play_next", Trigger).success  # not paused
-        assert listener.call("pause", Trigger).message == "paused"
+            assert listener.call('play_next', Trigger).success
+            wait_for(lambda n=count: len(listener.came['/joint_command']) == n, 20, 'a step')
+        assert listener.call('toggle_paused', Trigger).message == 'playing'
+        assert not listener.call('play_next', Trigger).success  # not paused
+        assert listener.call('pause', Trigger).message == 'paused'
         # At a millionth of real time nothing else has come but the first tick after the pause.
-        wait_for(lambda: listener.stamps() == [0, 1, 2, 3], 20, "the tick after the pause")
-        assert listener.call("resume", Trigger).success
+        wait_for(lambda: listener.stamps() == [0, 1, 2, 3], 20, 'the tick after the pause')
+        assert listener.call('resume', Trigger).success
         for value, accepted in ((-1, False), (0, True)):  # integers, as `ros2 param set` sends
             held = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
-            change = [Parameter(name="rate", value=held)]
-            answer = listener.call("set_parameters", SetParameters, parameters=change)
+            change = [Parameter(name='rate', value=held)]
+            answer = listener.call('set_parameters', SetParameters, parameters=change)
             assert answer.results[0].successful is accepted, answer
     except BaseException:
         player.kill()
@@ -128,29 +141,29 @@ def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener)
     finally:
         (text,) = finish([player])
     assert player.returncode == 0, text
-    wait_for(lambda: len(listener.came["/joint_command"]) == 300, 20, "every torque")
+    wait_for(lambda: len(listener.came['/joint_command']) == 300, 20, 'every torque')
     torques = [messages[5] for messages in small_messages(CONFIG)]
-    assert listener.came["/joint_command"] == torques
+    assert listener.came['/joint_command'] == torques
     assert listener.stamps() == list(range(300))
-    assert listener.came["/plant/state"] == []
+    assert listener.came['/plant/state'] == []
 
 
 @pytest.mark.parametrize(
-    ("number", "status"),
+    ('number', 'status'),
     [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)],
 )
 def test_a_loop_from_the_middle_ends_with_a_signal(
     number: int, status: int, run: Path, listener: Listener
 ) -> None:
     listener.hear(0)
-    player = replay(run, "--loop", "--start", "0.25", "--rate", "5")
+    player = replay(run, '--loop', '--start', '0.25', '--rate', '5')
     try:
-        wait_for(lambda: len(listener.came["/clock"]) > 120, 60, "more than two rounds")
+        wait_for(lambda: len(listener.came['/clock']) > 120, 60, 'more than two rounds')
     finally:
         player.send_signal(number)
         (text,) = finish([player])
     assert player.returncode == status, text
-    assert "Traceback" not in text
+    assert 'Traceback' not in text
     stamps = listener.stamps()[:100]
     assert stamps == [*range(250, 300), *range(250, 300)]
 
@@ -162,11 +175,11 @@ class Answers:
         from sensor_msgs.msg import JointState
 
         self._kind, self._change, self.count = JointState, change, 0
-        self._torque = listener.node.create_publisher(JointState, "joint_command", 1000)
-        listener.node.create_subscription(JointState, "plant/state", self._answer, 1000)
+        self._torque = listener.node.create_publisher(JointState, 'joint_command', 1000)
+        listener.node.create_subscription(JointState, 'plant/state', self._answer, 1000)
 
     def _answer(self, state: Any) -> None:
-        command = self._kind(name=["shoulder", "elbow"], effort=[1.0, 2.0])
+        command = self._kind(name=['shoulder', 'elbow'], effort=[1.0, 2.0])
         command.header.stamp = state.header.stamp
         self._change(command, self.count)
         self.count += 1
@@ -184,10 +197,10 @@ def short_array(command: Any, count: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ('change', 'words'),
     [
-        (late_stamp, "tick 3: no joint_command within 0.5 s; one with stamp 1003000007 ns came"),
-        (short_array, "tick 3: joint_command: "),
+        (late_stamp, 'tick 3: no joint_command within 0.5 s; one with stamp 1003000007 ns came'),
+        (short_array, 'tick 3: joint_command: '),
     ],
 )
 def test_a_controller_that_breaks_the_protocol_is_told(
@@ -196,24 +209,24 @@ def test_a_controller_that_breaks_the_protocol_is_told(
     Answers(listener, change)
     listener.hear(0)
     player = subprocess.Popen(
-        [sys.executable, "-m", "flexarm_ros.nodes", "player", "--ros-args", "-p", f"bag:={run}",
-         "-p", "without:=controller", "-p", "rate:=0", "-p", "tick_timeout:=0.5"],
+        [sys.executable, '-m', 'flexarm_ros.nodes', 'player', '--ros-args', '-p', f'bag:={run}',
+         '-p', 'without:=controller', '-p', 'rate:=0', '-p', 'tick_timeout:=0.5'],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
     )  # fmt: skip
     (text,) = finish([player])
     assert player.returncode == 1, text
     assert words in text
-    assert "Traceback" not in text
+    assert 'Traceback' not in text
     assert listener.stamps() == [0, 1, 2, 3]  # in lock-step: no tick ahead of the torque
 
 
 def test_somebody_elses_controller_against_a_recorded_run(run: Path, listener: Listener) -> None:
     answers = Answers(listener, lambda command, count: None)
     listener.hear(0)
-    player = replay(run, "--without", "controller", "--rate", "0")
+    player = replay(run, '--without', 'controller', '--rate', '0')
     (text,) = finish([player])
     assert player.returncode == 0, text
-    assert "300 torques, 0 equal to the recorded ones" in text
+    assert '300 torques, 0 equal to the recorded ones' in text
     assert answers.count == 300
 
 
@@ -223,8 +236,8 @@ def played(ros_domain: int, capfd: pytest.CaptureFixture[str]) -> Callable[..., 
     from flexarm_ros.nodes.player import play
 
     def run_it(*assignments: str) -> tuple[int, str]:
-        words = [word for text in assignments for word in ("-p", text)]
-        status = play(["--ros-args", *words])
+        words = [word for text in assignments for word in ('-p', text)]
+        status = play(['--ros-args', *words])
         return status, capfd.readouterr().err
 
     held = [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
@@ -234,42 +247,42 @@ def played(ros_domain: int, capfd: pytest.CaptureFixture[str]) -> Callable[..., 
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ('given', 'words'),
     [
-        ([], "bag: missing"),
-        (["bag:=RUN", "rate:=-1"], "rate: -1 is not allowed"),
-        (["bag:=RUN", "rate:=.nan"], "rate: nan is not allowed"),
-        (["bag:=RUN", "rate:=fast"], "rate: 'fast' is not allowed"),
-        (["bag:=RUN", "rate:=true"], "rate: True is not allowed"),
-        (["bag:=RUN", "start:=0.3"], "start: 0.3 s is not before the run's end at 0.3 s"),
-        (["bag:=RUN", "loop:=1"], "loop: 1 is not allowed: true or false"),
-        (["bag:=RUN", "topics:=clock, nothing"], "topics: 'nothing' is not in the bag: /clock"),
-        (["bag:=RUN", "without:=plant"], "without: 'plant' is not allowed"),
-        (["bag:=RUN", "without:=controller", "loop:=true"], "loop: true is not allowed"),
-        (["bag:=RUN", "speed:=2"], "unknown parameter 'speed'"),
-        (["bag:=/nothing/there"], "no such file"),
-        (["bag"], "Couldn't parse"),
+        ([], 'bag: missing'),
+        (['bag:=RUN', 'rate:=-1'], 'rate: -1 is not allowed'),
+        (['bag:=RUN', 'rate:=.nan'], 'rate: nan is not allowed'),
+        (['bag:=RUN', 'rate:=fast'], "rate: 'fast' is not allowed"),
+        (['bag:=RUN', 'rate:=true'], 'rate: True is not allowed'),
+        (['bag:=RUN', 'start:=0.3'], "start: 0.3 s is not before the run's end at 0.3 s"),
+        (['bag:=RUN', 'loop:=1'], 'loop: 1 is not allowed: true or false'),
+        (['bag:=RUN', 'topics:=clock, nothing'], "topics: 'nothing' is not in the bag: /clock"),
+        (['bag:=RUN', 'without:=plant'], "without: 'plant' is not allowed"),
+        (['bag:=RUN', 'without:=controller', 'loop:=true'], 'loop: true is not allowed'),
+        (['bag:=RUN', 'speed:=2'], "unknown parameter 'speed'"),
+        (['bag:=/nothing/there'], 'no such file'),
+        (['bag'], "Couldn't parse"),
     ],
 )
 def test_bad_parameters_of_the_player(
     given: list[str], words: str, run: Path, played: Callable[..., tuple[int, str]]
 ) -> None:
-    status, text = played(*(word.replace("RUN", str(run)) for word in given))
+    status, text = played(*(word.replace('RUN', str(run)) for word in given))
     assert status == 2
     assert words in text
-    assert "Traceback" not in text
-    assert "played" not in text
+    assert 'Traceback' not in text
+    assert 'played' not in text
 
 
 def test_a_damaged_bag_is_played_as_far_as_it_goes(
     run: Path, tmp_path: Path, played: Callable[..., tuple[int, str]]
 ) -> None:
-    sound = (run / "bag" / "bag_0.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(sound[: len(sound) // 2])
-    status, text = played(f"bag:={tmp_path / 'cut.mcap'}", "rate:=0", "delay:=0")
+    sound = (run / 'bag' / 'bag_0.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(sound[: len(sound) // 2])
+    status, text = played(f'bag:={tmp_path / "cut.mcap"}', 'rate:=0', 'delay:=0')
     assert status == 1
-    assert "player: after 100 ticks: " in text
-    assert "damaged at byte" in text
+    assert 'player: after 100 ticks: ' in text
+    assert 'damaged at byte' in text
 
 
 def test_messages_of_one_tick_go_out_in_the_order_of_the_bag(
@@ -283,12 +296,12 @@ def test_messages_of_one_tick_go_out_in_the_order_of_the_bag(
     def create_publisher(self: PlayerNode, kind: Any, topic: str, *rest: Any, **more: Any) -> Any:
         publisher = made(self, kind, topic, *rest, **more)
         if isinstance(rest[0], int) or topic in names:  # not /rosout and the like
-            monkeypatch.setattr(publisher, "publish", lambda data: sent.append((topic, data)))
+            monkeypatch.setattr(publisher, 'publish', lambda data: sent.append((topic, data)))
         return publisher
 
     names = [topic.name for topic in per_tick_topics(CONFIG)]
-    monkeypatch.setattr(PlayerNode, "create_publisher", create_publisher)
-    status, _ = played(f"bag:={run}", "rate:=0", "delay:=0")
+    monkeypatch.setattr(PlayerNode, 'create_publisher', create_publisher)
+    status, _ = played(f'bag:={run}', 'rate:=0', 'delay:=0')
     assert status == 0
     expected = [pair for tick in small_messages(CONFIG) for pair in zip(names, tick, strict=True)]
     assert sent == expected
@@ -297,13 +310,13 @@ def test_messages_of_one_tick_go_out_in_the_order_of_the_bag(
 def test_a_pace_keeps_time_over_many_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Late ticks are caught up, a long hold-up is not; a clock of the test's own."""
     clock = [100.0]
-    monkeypatch.setattr("flexarm_ros.nodes.pace.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr('flexarm_ros.nodes.pace.time.monotonic', lambda: clock[0])
     pace = Pace(2.0, False, lambda: False)
 
     def slept(seconds: float) -> None:
         clock[0] += seconds
 
-    monkeypatch.setattr(pace._wake, "wait", slept)
+    monkeypatch.setattr(pace._wake, 'wait', slept)
     pace.wait(0.01)
     start = clock[0]
     for _ in range(100):
@@ -340,7 +353,7 @@ def test_a_paused_pace_waits_and_steps() -> None:
     thread.start()
     assert pace.step()
     assert pace.step()
-    wait_for(lambda: out == [0, 1], 10, "two steps")
+    wait_for(lambda: out == [0, 1], 10, 'two steps')
     stop.set()
     thread.join(10)
     assert not thread.is_alive()
@@ -349,7 +362,7 @@ def test_a_paused_pace_waits_and_steps() -> None:
     assert not pace.step()
 
 
-@pytest.mark.parametrize("paused", [False, True])
+@pytest.mark.parametrize('paused', [False, True])
 def test_a_stopped_pace_does_not_wait(paused: bool) -> None:
     pace = Pace(1.0, paused, lambda: True)
 

@@ -1,16 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The standard services, with a package of the shape of simulation_interfaces 2.1."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import sys
 import threading
-from collections.abc import Iterator
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
-pytest.importorskip("rclpy")
+pytest.importorskip('rclpy')
 
 from flexarm_ros.nodes.run_control import RunControl
 from flexarm_ros.nodes.status import Phase
@@ -22,7 +36,7 @@ ALREADY, TRANSITION_ERROR, INCORRECT_TRANSITION = 101, 102, 103
 
 def modules() -> tuple[ModuleType, ModuleType]:
     """Return ``simulation_interfaces.msg`` and ``.srv``, as far as they are used."""
-    msg, srv = ModuleType("simulation_interfaces.msg"), ModuleType("simulation_interfaces.srv")
+    msg, srv = ModuleType('simulation_interfaces.msg'), ModuleType('simulation_interfaces.srv')
     msg.Result = SimpleNamespace(
         RESULT_FEATURE_UNSUPPORTED=0, RESULT_OK=1, RESULT_NOT_FOUND=2, RESULT_INCORRECT_STATE=3,
         RESULT_OPERATION_FAILED=4,
@@ -37,7 +51,12 @@ def modules() -> tuple[ModuleType, ModuleType]:
         SIMULATION_STATE_PAUSE=26, STEP_SIMULATION_SINGLE=31, STEP_SIMULATION_MULTIPLE=32,
         STEP_SIMULATION_ACTION=33,
     )  # fmt: skip
-    for name in ("GetSimulatorFeatures", "GetSimulationState", "StepSimulation", "ResetSimulation"):
+    for name in (
+        'GetSimulatorFeatures',
+        'GetSimulationState',
+        'StepSimulation',
+        'ResetSimulation',
+    ):
         setattr(srv, name, SimpleNamespace(name=name))
     srv.SetSimulationState = SimpleNamespace(
         Response=SimpleNamespace(
@@ -82,9 +101,9 @@ class Plant:
 def simulator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Plant, Any]]:
     """Yield a plant whose loop goes on, and a function that calls one of its services."""
     msg, srv = modules()
-    package = ModuleType("simulation_interfaces")
-    for name, module in (("", package), (".msg", msg), (".srv", srv)):
-        monkeypatch.setitem(sys.modules, f"simulation_interfaces{name}", module)
+    package = ModuleType('simulation_interfaces')
+    for name, module in (('', package), ('.msg', msg), ('.srv', srv)):
+        monkeypatch.setitem(sys.modules, f'simulation_interfaces{name}', module)
     plant, stop = Plant(), threading.Event()
     control = RunControl(plant)  # type: ignore[arg-type]
     assert control.standard
@@ -92,7 +111,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Plant, Any]]:
 
     def call(name: str, **request: Any) -> Any:
         response = SimpleNamespace(
-            result=SimpleNamespace(result=None, error_message=""),
+            result=SimpleNamespace(result=None, error_message=''),
             state=SimpleNamespace(state=None), features=SimpleNamespace(),
         )  # fmt: skip
         return plant.services[name](SimpleNamespace(**request), response)
@@ -104,22 +123,22 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Plant, Any]]:
 
 
 def state(call: Any) -> int:
-    answer = call("get_simulation_state")
+    answer = call('get_simulation_state')
     assert answer.result.result == OK
     return int(answer.state.state)
 
 
 def set_state(call: Any, wanted: int) -> Any:
-    return call("set_simulation_state", state=SimpleNamespace(state=wanted)).result
+    return call('set_simulation_state', state=SimpleNamespace(state=wanted)).result
 
 
 def test_services_have_the_standard_names_and_features(simulator: Any) -> None:
     plant, call = simulator
-    assert {name for name in plant.services if not name.startswith("~")} == {
-        "get_simulator_features", "get_simulation_state", "set_simulation_state",
-        "step_simulation", "reset_simulation",
+    assert {name for name in plant.services if not name.startswith('~')} == {
+        'get_simulator_features', 'get_simulation_state', 'set_simulation_state',
+        'step_simulation', 'reset_simulation',
     }  # fmt: skip
-    answer = call("get_simulator_features")
+    answer = call('get_simulator_features')
     assert set(answer.features.features) == {20, 24, 25, 26, 31, 32}
 
 
@@ -132,23 +151,23 @@ def test_states_are_those_of_the_standard(simulator: Any) -> None:
     assert set_state(call, PAUSED).result == OK
     assert state(call) == PAUSED
     answer = set_state(call, PAUSED)
-    assert (answer.result, answer.error_message) == (ALREADY, "already paused")
+    assert (answer.result, answer.error_message) == (ALREADY, 'already paused')
     answer = set_state(call, NO_WORLD)
     assert answer.result == UNSUPPORTED
-    assert "STATE_PLAYING" in answer.error_message
+    assert 'STATE_PLAYING' in answer.error_message
 
 
 def test_stopping_is_pausing_and_resetting(simulator: Any) -> None:
     plant, call = simulator
     plant.board.mine.phase = Phase.RUNNING
     assert set_state(call, PAUSED).result == OK
-    assert call("step_simulation", steps=7).result.result == OK
+    assert call('step_simulation', steps=7).result.result == OK
     assert plant.tick >= 7
     assert set_state(call, STOPPED).result == OK
     assert plant.tick == 0
     assert state(call) == STOPPED
     assert set_state(call, STOPPED).result == ALREADY
-    assert call("step_simulation", steps=2).result.result == OK
+    assert call('step_simulation', steps=2).result.result == OK
     assert plant.tick == 2
     assert state(call) == PAUSED
     assert set_state(call, PLAYING).result == OK
@@ -158,32 +177,34 @@ def test_stopping_is_pausing_and_resetting(simulator: Any) -> None:
 def test_a_step_does_so_many_ticks_and_answers_then(simulator: Any) -> None:
     plant, call = simulator
     plant.board.mine.phase = Phase.RUNNING
-    answer = call("step_simulation", steps=1).result
+    answer = call('step_simulation', steps=1).result
     assert answer.result == FAILED  # as StepSimulation.srv has it for one that is not paused
-    assert "pause" in answer.error_message
+    assert 'pause' in answer.error_message
     assert set_state(call, PAUSED).result == OK
-    assert call("step_simulation", steps=0).result.result == OK
+    assert call('step_simulation', steps=0).result.result == OK
     before = plant.tick
-    assert call("step_simulation", steps=250).result.result == OK
+    assert call('step_simulation', steps=250).result.result == OK
     assert plant.tick == before + 250
 
 
-@pytest.mark.parametrize(("scope", "result"), [(0, OK), (255, OK), (3, OK), (1, 0), (2, 0), (4, 0)])
+@pytest.mark.parametrize(
+    ('scope', 'result'), [(0, OK), (255, OK), (3, OK), (1, 0), (2, 0), (4, 0)]
+)
 def test_state_and_time_are_reset_together(simulator: Any, scope: int, result: int) -> None:
     plant, call = simulator
     plant.board.mine.phase = Phase.RUNNING
     assert set_state(call, PAUSED).result == OK
-    assert call("step_simulation", steps=5).result.result == OK
-    answer = call("reset_simulation", scope=scope).result
+    assert call('step_simulation', steps=5).result.result == OK
+    answer = call('reset_simulation', scope=scope).result
     assert answer.result == result
     assert (plant.tick == 0) is (result == OK)
 
 
 def test_reset_without_a_run_and_quitting(simulator: Any) -> None:
     plant, call = simulator
-    answer = call("reset_simulation", scope=0).result
+    answer = call('reset_simulation', scope=0).result
     assert answer.result == FAILED
-    assert "joining" in answer.error_message
+    assert 'joining' in answer.error_message
     plant.board.mine.phase = Phase.RUNNING
     assert set_state(call, QUITTING).result == OK
     for _ in range(10_000):
@@ -192,4 +213,4 @@ def test_reset_without_a_run_and_quitting(simulator: Any) -> None:
         threading.Event().wait(0.001)
     assert state(call) == QUITTING
     assert set_state(call, PLAYING).result == INCORRECT_TRANSITION
-    assert call("step_simulation", steps=1).result.result == FAILED
+    assert call('step_simulation', steps=1).result.result == FAILED

@@ -1,77 +1,105 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """`make env`: what it says where it cannot go on, and how fast it does nothing."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
 import shutil
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PROGRAMS = ["cat", "cut", "dirname", "flock", "grep", "id", "ls", "mktemp", "rm", "sha256sum", "sh"]
+PROGRAMS = [
+    'cat',
+    'cut',
+    'dirname',
+    'flock',
+    'grep',
+    'id',
+    'ls',
+    'mktemp',
+    'rm',
+    'sha256sum',
+    'sh',
+]
 
 EXECUTABLES = {
-    "plant",
-    "encoder",
-    "tip_sensor",
-    "trajectory",
-    "controller",
-    "recorder",
-    "player",
-    "viewer",
+    'plant',
+    'encoder',
+    'tip_sensor',
+    'trajectory',
+    'controller',
+    'recorder',
+    'player',
+    'viewer',
 }
 
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     """Copy what `make env` reads into a directory without .venv, with only coreutils on PATH."""
-    root = tmp_path / "a b"
-    shutil.copytree(ROOT / "scripts", root / "scripts")
-    shutil.copytree(ROOT / "lib", root / "lib")
-    for name in ("constraints.txt", "setup.py", "setup.cfg", "package.xml"):
+    root = tmp_path / 'a b'
+    shutil.copytree(ROOT / 'scripts', root / 'scripts')
+    shutil.copytree(ROOT / 'lib', root / 'lib')
+    for name in ('constraints.txt', 'setup.py', 'setup.cfg', 'package.xml'):
         shutil.copy(ROOT / name, root)
-    (root / "bin").mkdir()
+    (root / 'bin').mkdir()
     for name in PROGRAMS:
         found = shutil.which(name)
         assert found is not None
-        (root / "bin" / name).symlink_to(found)
+        (root / 'bin' / name).symlink_to(found)
     fake(
-        root, "uname", 'case "$1" in -s) echo Linux;; -m) echo x86_64;; *) echo Linux x86_64;; esac'
+        root,
+        'uname',
+        'case "$1" in -s) echo Linux;; -m) echo x86_64;; *) echo Linux x86_64;; esac',
     )
-    fake(root, "ldd", "echo ldd glibc")
-    fake(root, "id", "echo 1000")
+    fake(root, 'ldd', 'echo ldd glibc')
+    fake(root, 'id', 'echo 1000')
     return root
 
 
 def fake(root: Path, name: str, script: str) -> None:
     """Put a program of that name on the tree's PATH."""
-    path = root / "bin" / name
+    path = root / 'bin' / name
     path.unlink(missing_ok=True)
-    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.write_text(f'#!/bin/sh\n{script}\n')
     path.chmod(0o755)
 
 
 def fake_python(root: Path, name: str, version: str, imports: bool = False) -> None:
     """Put an interpreter there that answers as one of that version, and imports all or nothing."""
-    major, minor = version.split(".")[:2]
+    major, minor = version.split('.')[:2]
     right = (3, 10) <= (int(major), int(minor)) <= (3, 13)
     fake(
         root,
         name,
         f'case "$*" in -V) echo Python {version};;'
-        f" *version_info*sys.exit* | *sys.exit*version_info*) exit {0 if right else 1};;"
-        f" *print*version_info*) echo python{major}.{minor}-venv;;"
-        f" *import*) exit {0 if imports else 1};; esac",
+        f' *version_info*sys.exit* | *sys.exit*version_info*) exit {0 if right else 1};;'
+        f' *print*version_info*) echo python{major}.{minor}-venv;;'
+        f' *import*) exit {0 if imports else 1};; esac',
     )
 
 
 def make_env(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [root / "scripts" / "env.sh"],
-        env={"PATH": str(root / "bin"), **variables},
+        [root / 'scripts' / 'env.sh'],
+        env={'PATH': str(root / 'bin'), **variables},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
@@ -82,88 +110,88 @@ def make_env(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
 def refusal(root: Path, **variables: str) -> list[str]:
     done = make_env(root, **variables)
     assert done.returncode == 1
-    assert not (root / ".venv").exists()
+    assert not (root / '.venv').exists()
     return done.stderr.splitlines()
 
 
 def test_wrong_python_is_named_with_the_way_out(tree: Path) -> None:
-    fake_python(tree, "python3", "3.14.0")
-    (tree / "bin" / "python3.10").unlink(missing_ok=True)
-    first, second = refusal(tree, PYTHON="python3")
-    assert "Python 3.14.0, not Python 3.10 to 3.13" in first
-    assert "make env PYTHON=/path/to/python3.12" in second
+    fake_python(tree, 'python3', '3.14.0')
+    (tree / 'bin' / 'python3.10').unlink(missing_ok=True)
+    first, second = refusal(tree, PYTHON='python3')
+    assert 'Python 3.14.0, not Python 3.10 to 3.13' in first
+    assert 'make env PYTHON=/path/to/python3.12' in second
 
 
 def test_missing_python_names_what_was_asked_for(tree: Path) -> None:
-    lines = refusal(tree, PYTHON="/nowhere/python3")
-    assert "/nowhere/python3" in lines[0]
-    assert "3.10 to 3.13" in lines[0]
+    lines = refusal(tree, PYTHON='/nowhere/python3')
+    assert '/nowhere/python3' in lines[0]
+    assert '3.10 to 3.13' in lines[0]
 
 
 def test_missing_venv_names_the_line_that_installs_it(tree: Path) -> None:
-    fake_python(tree, "python3", "3.11.2")
-    lines = refusal(tree, PYTHON="python3")
-    assert "venv" in lines[0]
-    assert "apt-get install -y python3.11-venv" in "".join(lines)
+    fake_python(tree, 'python3', '3.11.2')
+    lines = refusal(tree, PYTHON='python3')
+    assert 'venv' in lines[0]
+    assert 'apt-get install -y python3.11-venv' in ''.join(lines)
 
 
 def test_other_machines_are_sent_to_a_ros_2_install(tree: Path) -> None:
     fake(
         tree,
-        "uname",
+        'uname',
         'case "$1" in -s) echo Linux;; -m) echo aarch64;; *) echo Linux aarch64;; esac',
     )
     lines = refusal(tree)
-    assert "Linux aarch64" in lines[0]
-    assert "Install ROS 2" in lines[1]
-    assert "setup.bash" in lines[1]
+    assert 'Linux aarch64' in lines[0]
+    assert 'Install ROS 2' in lines[1]
+    assert 'setup.bash' in lines[1]
 
 
 def test_musl_is_seen(tree: Path) -> None:
-    fake(tree, "ldd", "echo 'musl libc (x86_64)' >&2; exit 1")
-    assert "glibc" in refusal(tree)[0]
+    fake(tree, 'ldd', "echo 'musl libc (x86_64)' >&2; exit 1")
+    assert 'glibc' in refusal(tree)[0]
 
 
 def test_old_ros_2_is_refused(tree: Path) -> None:
-    assert "humble" in refusal(tree, ROS_DISTRO="humble")[0]
+    assert 'humble' in refusal(tree, ROS_DISTRO='humble')[0]
 
 
 def test_sourced_ros_2_that_no_python_imports(tree: Path) -> None:
-    fake_python(tree, "python3", "3.11.7")
-    lines = refusal(tree, ROS_DISTRO="jazzy", PYTHON="python3")
-    assert "ROS 2 jazzy is sourced" in lines[0]
+    fake_python(tree, 'python3', '3.11.7')
+    lines = refusal(tree, ROS_DISTRO='jazzy', PYTHON='python3')
+    assert 'ROS 2 jazzy is sourced' in lines[0]
 
 
 def test_nothing_to_do_is_quick_and_quiet() -> None:
-    check = subprocess.run([ROOT / "scripts" / "env.sh", "--check"], capture_output=True)
+    check = subprocess.run([ROOT / 'scripts' / 'env.sh', '--check'], capture_output=True)
     if check.returncode != 0:
-        pytest.skip("these tests do not run in the environment of make env")
+        pytest.skip('these tests do not run in the environment of make env')
     started = time.monotonic()
-    done = subprocess.run(["make", "-s", "env"], cwd=ROOT, capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    done = subprocess.run(['make', '-s', 'env'], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, '', '')
     assert time.monotonic() - started < 2.0
 
 
 def test_check_sees_that_there_is_no_environment(tree: Path) -> None:
-    done = subprocess.run([tree / "scripts" / "env.sh", "--check"], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (1, "make env: .venv is not up to date\n")
+    done = subprocess.run([tree / 'scripts' / 'env.sh', '--check'], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (1, 'make env: .venv is not up to date\n')
 
 
 def test_executables_are_all_the_same_file() -> None:
-    files = sorted((ROOT / "lib" / "flexarm_ros").iterdir())
+    files = sorted((ROOT / 'lib' / 'flexarm_ros').iterdir())
     assert [file.name for file in files] == sorted(EXECUTABLES)
     assert len({file.read_bytes() for file in files}) == 1
     assert all(os.access(file, os.X_OK) for file in files)
 
 
 def test_no_registry_host_is_named() -> None:
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False)
+    listed = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, check=False)
     if listed.returncode != 0:
-        pytest.skip("not a git work tree")
-    hosts = [part + ".org" for part in ("pypi", "pythonhosted", "test.pypi")]
+        pytest.skip('not a git work tree')
+    hosts = [part + '.org' for part in ('pypi', 'pythonhosted', 'test.pypi')]
     found = [
         name
-        for name in listed.stdout.decode().split("\0")
+        for name in listed.stdout.decode().split('\0')
         if name and (ROOT / name).is_file()
         for host in hosts
         if host.encode() in (ROOT / name).read_bytes()
@@ -174,12 +202,14 @@ def test_no_registry_host_is_named() -> None:
 def test_every_version_is_pinned_for_every_python() -> None:
     from packaging.requirements import Requirement
 
-    lines = (ROOT / "constraints.txt").read_text().splitlines()
-    pins = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    lines = (ROOT / 'constraints.txt').read_text().splitlines()
+    pins = [Requirement(line) for line in lines if line and not line.startswith('#')]
     for minor in (10, 11, 12, 13):
-        environment = {"python_version": f"3.{minor}", "python_full_version": f"3.{minor}.1"}
-        names = [pin.name for pin in pins if pin.marker is None or pin.marker.evaluate(environment)]
+        environment = {'python_version': f'3.{minor}', 'python_full_version': f'3.{minor}.1'}
+        names = [
+            pin.name for pin in pins if pin.marker is None or pin.marker.evaluate(environment)
+        ]
         assert len(names) == len(set(names))
-        assert {"ros-rclpy", "numpy", "numba", "scipy", "setuptools", "pytest"} <= set(names)
+        assert {'ros-rclpy', 'numpy', 'numba', 'scipy', 'setuptools', 'pytest'} <= set(names)
     for pin in pins:
-        assert [spec.operator for spec in pin.specifier] == ["=="], pin
+        assert [spec.operator for spec in pin.specifier] == ['=='], pin

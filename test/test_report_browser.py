@@ -1,49 +1,62 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The report in a browser: no error, no request, and controls that do what they say."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
+import json
 from pathlib import Path
 
+from flexarm_ros.analysis.report import write_report
 import pytest
 from report_browser import Browser, find_chromium
 from report_cases import edit_summary, fly
 
-from flexarm_ros.analysis.report import write_report
-
 CHROMIUM = find_chromium()
 pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium here; as root: apt-get install chromium"
+    CHROMIUM is None, reason='no Chromium here; as root: apt-get install chromium'
 )
 
-SHORT = ("duration=2.0", "trajectory.side_time=0.5", "trajectory.side=1.0")
-EVIL = "</script><script>window.hacked=1</script><img src=x onerror=window.hacked=1>"
-CASES = ("fls_collocated", "fls_tip", "fls_tip_corrected")
+SHORT = ('duration=2.0', 'trajectory.side_time=0.5', 'trajectory.side=1.0')
+EVIL = '</script><script>window.hacked=1</script><img src=x onerror=window.hacked=1>'
+CASES = ('fls_collocated', 'fls_tip', 'fls_tip_corrected')
 TIME = "parseFloat(document.getElementById('clock').textContent)"
 RUN_CURVES = "document.querySelectorAll('#paths path.series:not(.reference)').length"
-FIRST = "#series .chart:first-child svg"
+FIRST = '#series .chart:first-child svg'
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     assert CHROMIUM is not None
-    opened = Browser(CHROMIUM, tmp_path_factory.mktemp("profile"))
+    opened = Browser(CHROMIUM, tmp_path_factory.mktemp('profile'))
     yield opened
     opened.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope='module')
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    root = tmp_path_factory.mktemp("pages")
+    root = tmp_path_factory.mktemp('pages')
     runs = {case: fly(root / case, case, *SHORT) for case in CASES}
-    runs["unstable"] = fly(root / "unstable", "pd_tip_physical")
-    evil = fly(root / f"evil{EVIL.replace('/', '')}", "fls_tip", *SHORT)
-    edit_summary(evil, lambda s: s["scenario"]["plant"].update({"basis": EVIL, EVIL: EVIL}))
+    runs['unstable'] = fly(root / 'unstable', 'pd_tip_physical')
+    evil = fly(root / f'evil{EVIL.replace("/", "")}', 'fls_tip', *SHORT)
+    edit_summary(evil, lambda s: s['scenario']['plant'].update({'basis': EVIL, EVIL: EVIL}))
     return {
-        "three": write_report([runs[case] for case in CASES], root / "three"),
-        "unstable": write_report([runs["unstable"], runs["fls_tip"]], root / "both"),
-        "evil": write_report([evil, runs["fls_tip"]], root / "evil"),
+        'three': write_report([runs[case] for case in CASES], root / 'three'),
+        'unstable': write_report([runs['unstable'], runs['fls_tip']], root / 'both'),
+        'evil': write_report([evil, runs['fls_tip']], root / 'evil'),
     }
 
 
@@ -52,20 +65,20 @@ def page(browser: Browser, pages: dict[str, Path]) -> Iterator[Browser]:
     """The report of three runs, 1280 pixels wide; whatever goes wrong in it fails the test."""
     browser.events.clear()
     browser.size(1280, 900)
-    browser.media(prefers_color_scheme="light")
-    browser.open(pages["three"])
+    browser.media(prefers_color_scheme='light')
+    browser.open(pages['three'])
     yield browser
     assert browser.problems() == []
 
 
 def labels(page: Browser, axis: str, chart: str) -> list[float]:
     """Return the numbers at an axis of a chart; ``axis`` is x or y."""
-    anchor = {"x": "middle", "y": "end"}[axis]
+    anchor = {'x': 'middle', 'y': 'end'}[axis]
     texts = page.js(
         f"[...document.querySelectorAll('{chart} text[text-anchor={anchor}]')]"
-        ".map((t) => t.textContent)"
+        '.map((t) => t.textContent)'
     )
-    numbers = [text.replace("−", "-") for text in texts if text[-1].isdigit()]
+    numbers = [text.replace('−', '-') for text in texts if text[-1].isdigit()]
     return [float(text) for text in numbers]
 
 
@@ -81,7 +94,7 @@ def seek(page: Browser, time: float) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["three", "unstable", "evil"])
+@pytest.mark.parametrize('name', ['three', 'unstable', 'evil'])
 def test_a_page_loads_without_error_or_request(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:
@@ -90,84 +103,84 @@ def test_a_page_loads_without_error_or_request(
     browser.until("document.querySelectorAll('#series svg .frame').length >= 6")
     browser.frame()
     assert browser.problems() == []
-    asked = [url for url in browser.requests() if not url.startswith("data:")]
+    asked = [url for url in browser.requests() if not url.startswith('data:')]
     assert asked == [pages[name].resolve().as_uri()]
-    assert browser.js("typeof window.hacked") == "undefined"
+    assert browser.js('typeof window.hacked') == 'undefined'
 
 
 def test_hostile_texts_are_shown_as_they_are(browser: Browser, pages: dict[str, Path]) -> None:
-    browser.open(pages["evil"])
+    browser.open(pages['evil'])
     assert EVIL in browser.js("document.querySelector('main').textContent")
-    assert "evil<script>" not in browser.js("document.body.innerHTML.replaceAll('&lt;', '[')")
+    assert 'evil<script>' not in browser.js("document.body.innerHTML.replaceAll('&lt;', '[')")
     assert browser.js("document.querySelectorAll('img, main script').length") == 0
 
 
 def test_the_policy_stops_a_script_that_would_get_in(
     browser: Browser, pages: dict[str, Path]
 ) -> None:
-    browser.open(pages["three"])
+    browser.open(pages['three'])
     browser.js(
         "(() => { const s = document.createElement('script'); s.textContent = 'window.hacked = 1';"
         "document.body.appendChild(s); const i = document.createElement('img');"
         "i.setAttribute('onerror', 'window.hacked = 1'); i.src = 'http://127.0.0.1:9/x';"
-        "document.body.appendChild(i); })()"
+        'document.body.appendChild(i); })()'
     )
     browser.frame()
-    assert browser.js("typeof window.hacked") == "undefined"
+    assert browser.js('typeof window.hacked') == 'undefined'
 
 
 def test_play_moves_the_arm_and_pause_stops_it(page: Browser) -> None:
     arm = "document.querySelector('#paths .arm').getAttribute('d')"
     before = page.js(arm)
-    page.click("#play")
-    assert page.js("document.getElementById('play').textContent") == "⏸ Pause"
-    page.until(f"{TIME} > 0.1")
-    page.click("#play")
+    page.click('#play')
+    assert page.js("document.getElementById('play').textContent") == '⏸ Pause'
+    page.until(f'{TIME} > 0.1')
+    page.click('#play')
     stopped = page.js(TIME)
     assert page.js(arm) != before
     for _ in range(5):
         page.frame()
     assert page.js(TIME) == stopped
-    assert page.js("document.getElementById('play').getAttribute('aria-pressed')") == "false"
+    assert page.js("document.getElementById('play').getAttribute('aria-pressed')") == 'false'
 
 
 def test_playing_ends_at_the_end_and_starts_over(page: Browser) -> None:
     page.js("(() => { document.getElementById('speed').value = '4'; })()")
     seek(page, 1.9)
-    page.click("#play")
+    page.click('#play')
     page.until("document.getElementById('play').getAttribute('aria-pressed') === 'false'")
     assert page.js(TIME) == pytest.approx(1.999, abs=1e-3)
-    page.click("#play")
-    page.until(f"{TIME} < 1.5 && {TIME} > 0")
-    page.click("#play")
-    page.click("#start")
+    page.click('#play')
+    page.until(f'{TIME} < 1.5 && {TIME} > 0')
+    page.click('#play')
+    page.click('#start')
     assert page.js(TIME) == 0.0
 
 
 def test_speed_is_simulated_time_over_wall_time(page: Browser) -> None:
     page.js("(() => { document.getElementById('speed').value = '0.25'; })()")
-    page.js("(() => { window.began = performance.now(); })()")
-    page.click("#play")
-    page.until(f"{TIME} > 0.2")
-    page.click("#play")
-    wall = page.js("(performance.now() - window.began) / 1000")
+    page.js('(() => { window.began = performance.now(); })()')
+    page.click('#play')
+    page.until(f'{TIME} > 0.2')
+    page.click('#play')
+    wall = page.js('(performance.now() - window.began) / 1000')
     assert page.js(TIME) <= 0.25 * wall + 0.01
 
 
 def test_the_slider_sets_time_cursor_and_values(page: Browser, pages: dict[str, Path]) -> None:
     seek(page, 1.25)
-    assert page.js("document.getElementById('now').textContent") == "t = 1.250 s"
+    assert page.js("document.getElementById('now').textContent") == 't = 1.250 s'
     cursor = page.js(
         "[...document.querySelectorAll('#series .chart:not([hidden]) .cursor')]"
         ".map((c) => c.getAttribute('x1'))"
     )
     assert len(cursor) == 7 and len(set(cursor)) == 1
-    row = (pages["three"].parent.parent / "fls_tip" / "trajectory.csv").read_text("ascii")
-    cells = row.splitlines()[1251].split(",")
+    row = (pages['three'].parent.parent / 'fls_tip' / 'trajectory.csv').read_text('ascii')
+    cells = row.splitlines()[1251].split(',')
     shown = page.js(
         "document.querySelectorAll('#values tbody tr')[2].querySelectorAll('td')[1].textContent"
     )
-    assert float(shown.replace("−", "-")) == pytest.approx(float(cells[5]), abs=6e-5)
+    assert float(shown.replace('−', '-')) == pytest.approx(float(cells[5]), abs=6e-5)
 
 
 def test_the_arm_ends_where_elbow_and_tip_were_recorded(
@@ -175,14 +188,14 @@ def test_the_arm_ends_where_elbow_and_tip_were_recorded(
 ) -> None:
     page.js("document.querySelectorAll('#runs input').forEach((b, i) => { if (i) b.click(); })")
     seek(page, 0.7)
-    rows = (pages["three"].parent.parent / CASES[0] / "trajectory.csv").read_text("ascii")
-    cells = [float(cell) for cell in rows.splitlines()[701].split(",")]
+    rows = (pages['three'].parent.parent / CASES[0] / 'trajectory.csv').read_text('ascii')
+    cells = [float(cell) for cell in rows.splitlines()[701].split(',')]
     # Where two known points of the picture lie gives its scale: the base, and the rigid tip.
     base = page.js(
         "['cx', 'cy'].map((n) => +document.querySelector('#paths .base').getAttribute(n))"
     )
     d = page.js("document.querySelector('#paths .arm').getAttribute('d')")
-    points = [tuple(map(float, part.split())) for part in d[1:].split("L")]
+    points = [tuple(map(float, part.split())) for part in d[1:].split('L')]
     elbow, tip = points[24], points[48]
     scale = (tip[0] - base[0]) / cells[9]
     assert points[0] == pytest.approx(base, abs=0.1)
@@ -191,68 +204,68 @@ def test_the_arm_ends_where_elbow_and_tip_were_recorded(
 
 
 def test_zoom_buttons_and_whole(page: Browser) -> None:
-    whole = span(page, "x", "#paths")
-    page.click("#path-in")
-    page.click("#path-in")
-    assert span(page, "x", "#paths") < 0.6 * whole
-    page.click("#path-out")
-    page.click("#path-reset")
-    assert span(page, "x", "#paths") == whole
+    whole = span(page, 'x', '#paths')
+    page.click('#path-in')
+    page.click('#path-in')
+    assert span(page, 'x', '#paths') < 0.6 * whole
+    page.click('#path-out')
+    page.click('#path-reset')
+    assert span(page, 'x', '#paths') == whole
 
 
 def test_time_buttons_zoom_all_series_together(page: Browser) -> None:
-    charts = [f"#series .chart:nth-child({i})" for i in (1, 3, 7)]
+    charts = [f'#series .chart:nth-child({i})' for i in (1, 3, 7)]
     seek(page, 1.0)
-    page.click("#time-in")
-    page.click("#time-in")
-    near = [labels(page, "x", chart) for chart in charts]
+    page.click('#time-in')
+    page.click('#time-in')
+    near = [labels(page, 'x', chart) for chart in charts]
     assert near[0] == near[1] == near[2]
     assert near[0][0] > 0.4 and near[0][-1] < 1.6
-    page.click("#time-right")
-    assert labels(page, "x", charts[1])[-1] > near[0][-1]
-    page.click("#time-left")
-    assert labels(page, "x", charts[1]) == near[0]
-    page.click("#time-out")
-    page.click("#time-reset")
-    assert labels(page, "x", charts[2])[0] == 0.0
+    page.click('#time-right')
+    assert labels(page, 'x', charts[1])[-1] > near[0][-1]
+    page.click('#time-left')
+    assert labels(page, 'x', charts[1]) == near[0]
+    page.click('#time-out')
+    page.click('#time-reset')
+    assert labels(page, 'x', charts[2])[0] == 0.0
 
 
 def test_switch_buttons_go_to_the_corner(page: Browser) -> None:
-    whole = span(page, "x", "#paths")
-    page.click("#corners button:nth-child(2)")
+    whole = span(page, 'x', '#paths')
+    page.click('#corners button:nth-child(2)')
     assert page.js(TIME) == pytest.approx(1.0)
-    assert span(page, "x", "#paths") < 0.5 * whole
-    x, y = labels(page, "x", "#paths"), labels(page, "y", "#paths")
+    assert span(page, 'x', '#paths') < 0.5 * whole
+    x, y = labels(page, 'x', '#paths'), labels(page, 'y', '#paths')
     assert min(x) < 0.5 < max(x) + 0.2 and min(y) - 0.2 < 0.5 < max(y) + 0.2
-    assert labels(page, "x", "#series .chart:nth-child(2)")[0] >= 0.5
+    assert labels(page, 'x', '#series .chart:nth-child(2)')[0] >= 0.5
 
 
 def test_a_run_can_be_hidden(page: Browser) -> None:
     assert page.js(RUN_CURVES) == 3
-    page.click("#runs label:nth-child(2) input")
+    page.click('#runs label:nth-child(2) input')
     assert page.js(RUN_CURVES) == 2
     assert page.js("document.querySelectorAll('#paths .arm').length") == 2
-    page.click("#runs label:nth-child(2) input")
+    page.click('#runs label:nth-child(2) input')
     assert page.js(RUN_CURVES) == 3
 
 
 def test_tip_and_arm_can_be_shown_and_hidden(page: Browser) -> None:
-    page.click("#show-tip")
+    page.click('#show-tip')
     assert page.js("document.querySelectorAll('#paths path.thin').length") == 3
-    page.click("#show-arm")
+    page.click('#show-arm')
     assert page.js("document.querySelectorAll('#paths .arm').length") == 0
 
 
 def test_dragging_zooms_and_a_double_click_resets(page: Browser) -> None:
-    before = labels(page, "x", "#series .chart:nth-child(1)")
+    before = labels(page, 'x', '#series .chart:nth-child(1)')
     page.drag(FIRST, (0.4, 0.4), (0.6, 0.6))
-    after = labels(page, "x", "#series .chart:nth-child(4)")
+    after = labels(page, 'x', '#series .chart:nth-child(4)')
     assert after[-1] - after[0] < 0.5 * (before[-1] - before[0])
     page.click(FIRST, count=2)
-    assert labels(page, "x", "#series .chart:nth-child(4)") == before
-    whole = span(page, "x", "#paths")
-    page.drag("#paths svg", (0.3, 0.3), (0.5, 0.5))
-    assert span(page, "x", "#paths") < 0.5 * whole
+    assert labels(page, 'x', '#series .chart:nth-child(4)') == before
+    whole = span(page, 'x', '#paths')
+    page.drag('#paths svg', (0.3, 0.3), (0.5, 0.5))
+    assert span(page, 'x', '#paths') < 0.5 * whole
 
 
 def test_a_click_sets_the_time(page: Browser) -> None:
@@ -262,31 +275,31 @@ def test_a_click_sets_the_time(page: Browser) -> None:
 
 def test_hovering_shows_each_run_s_value(page: Browser) -> None:
     page.hover(FIRST, 0.5, 0.4)
-    box = "#series .chart:first-child .tip-box"
+    box = '#series .chart:first-child .tip-box'
     page.until(f"!document.querySelector('{box}').hidden")
     text = page.js(f"document.querySelector('{box}').innerText")
-    assert text.startswith("t = ") and text.count("FLS") == 3
-    page.hover("h1", 0.5, 0.5)
+    assert text.startswith('t = ') and text.count('FLS') == 3
+    page.hover('h1', 0.5, 0.5)
     page.until(f"document.querySelector('{box}').hidden")
 
 
 def test_keys_step_zoom_and_play(page: Browser) -> None:
     page.js("document.querySelector('#series .chart').focus({preventScroll: true})")
-    page.key("ArrowRight", modifiers=8)
+    page.key('ArrowRight', modifiers=8)
     moved = page.js(TIME)
     assert moved == pytest.approx(0.1, abs=1e-3)
-    page.key("ArrowLeft")
+    page.key('ArrowLeft')
     assert page.js(TIME) == pytest.approx(moved - 0.01, abs=1e-3)
     seek(page, 1.0)
-    before = labels(page, "x", "#series .chart:nth-child(1)")
-    page.key("+", "+")
-    assert span(page, "x", "#series .chart:nth-child(1)") < before[-1] - before[0]
-    page.key("0", "0")
-    assert labels(page, "x", "#series .chart:nth-child(1)") == before
-    page.key(" ", " ")
-    page.until(f"{TIME} > 1.05")
-    page.key(" ", " ")
-    assert page.js("document.getElementById('play').getAttribute('aria-pressed')") == "false"
+    before = labels(page, 'x', '#series .chart:nth-child(1)')
+    page.key('+', '+')
+    assert span(page, 'x', '#series .chart:nth-child(1)') < before[-1] - before[0]
+    page.key('0', '0')
+    assert labels(page, 'x', '#series .chart:nth-child(1)') == before
+    page.key(' ', ' ')
+    page.until(f'{TIME} > 1.05')
+    page.key(' ', ' ')
+    assert page.js("document.getElementById('play').getAttribute('aria-pressed')") == 'false'
 
 
 def test_every_control_can_be_reached_and_has_a_name(page: Browser) -> None:
@@ -303,15 +316,15 @@ def test_every_control_can_be_reached_and_has_a_name(page: Browser) -> None:
 def test_series_can_be_chosen(page: Browser) -> None:
     titles = (
         "[...document.querySelectorAll('#series .chart:not([hidden]) .title')]"
-        ".map((t) => t.textContent)"
+        '.map((t) => t.textContent)'
     )
-    assert "Gain λ" in page.js(titles)
+    assert 'Gain λ' in page.js(titles)
     choose = "(() => {{ const s = document.getElementById('which'); s.value = '{}';"
     choose += "s.dispatchEvent(new Event('change')); }})()"
-    page.js(choose.format("angles"))
+    page.js(choose.format('angles'))
     page.until("document.querySelectorAll('#series .chart:not([hidden]) .frame').length === 4")
-    assert page.js(titles)[0] == "Joint angle θ₁, rad"
-    page.js(choose.format("all"))
+    assert page.js(titles)[0] == 'Joint angle θ₁, rad'
+    page.js(choose.format('all'))
     page.until("document.querySelectorAll('#series .chart:not([hidden]) .frame').length === 11")
 
 
@@ -319,52 +332,52 @@ def test_the_surface_turns_and_shows_its_middle(page: Browser) -> None:
     faces = "document.querySelector('#surface .face').getAttribute('d')"
     shown = "[...document.querySelectorAll('#surface text')].map((t) => t.textContent).join()"
     first = page.js(faces)
-    page.click("#surface-left")
+    page.click('#surface-left')
     second = page.js(faces)
-    page.drag("#surface svg", (0.5, 0.5), (0.7, 0.5))
+    page.drag('#surface svg', (0.5, 0.5), (0.7, 0.5))
     third = page.js(faces)
     page.js("document.querySelector('.surface').focus()")
-    page.key("ArrowUp")
+    page.key('ArrowUp')
     assert len({first, second, third, page.js(faces)}) == 4
-    assert "λ from 0.167" in page.js(shown) and "±5 m" in page.js(shown)
+    assert 'λ from 0.167' in page.js(shown) and '±5 m' in page.js(shown)
     page.js(
         "(() => { const s = document.getElementById('surface-range'); s.value = '1';"
         "s.dispatchEvent(new Event('change')); })()"
     )
-    assert "±1 m" in page.js(shown)
+    assert '±1 m' in page.js(shown)
 
 
 def test_theme_follows_the_reader_and_the_button(page: Browser) -> None:
-    color = "getComputedStyle(document.body).backgroundColor"
+    color = 'getComputedStyle(document.body).backgroundColor'
     light = page.js(color)
-    page.media(prefers_color_scheme="dark")
+    page.media(prefers_color_scheme='dark')
     dark = page.js(color)
-    assert light == "rgb(255, 255, 255)" and dark != light
-    page.click("#theme")
+    assert light == 'rgb(255, 255, 255)' and dark != light
+    page.click('#theme')
     assert (page.js(color), page.js("document.getElementById('theme').textContent")) == (
-        light, "Theme: light"
+        light, 'Theme: light'
     )  # fmt: skip
-    page.click("#theme")
-    page.media(prefers_color_scheme="light")
+    page.click('#theme')
+    page.media(prefers_color_scheme='light')
     assert page.js(color) == dark
 
 
-@pytest.mark.parametrize("name", ["three", "unstable", "evil"])
+@pytest.mark.parametrize('name', ['three', 'unstable', 'evil'])
 def test_a_phone_s_width_holds_the_page(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:
     browser.size(360, 740, mobile=True)
     browser.open(pages[name])
     browser.until("document.querySelectorAll('#series svg .frame').length >= 6")
-    assert browser.js("document.documentElement.scrollWidth") <= 360
+    assert browser.js('document.documentElement.scrollWidth') <= 360
     small = browser.js(
         "[...document.querySelectorAll('button')].filter((b) => b.offsetHeight && b.offsetHeight"
-        " < 30).length"
+        ' < 30).length'
     )
     assert small == 0
     widths = browser.js(
         "[...document.querySelectorAll('svg[role=img]')].map((s) =>"
-        " s.getBoundingClientRect().right)"
+        ' s.getBoundingClientRect().right)'
     )
     assert max(widths) <= 360
 
@@ -372,30 +385,30 @@ def test_a_phone_s_width_holds_the_page(
 def test_a_page_prints(page: Browser) -> None:
     assert page.js("document.querySelector('.transport').offsetHeight") > 0
     printed = page.pdf()
-    assert printed.startswith(b"%PDF") and len(printed) > 50_000
-    page.call("Emulation.setEmulatedMedia", media="print")
+    assert printed.startswith(b'%PDF') and len(printed) > 50_000
+    page.call('Emulation.setEmulatedMedia', media='print')
     hidden = page.js(
         "['.transport', '#theme', '.bar'].map((s) => getComputedStyle("
-        "document.querySelector(s)).display)"
+        'document.querySelector(s)).display)'
     )
-    assert hidden == ["none"] * 3
-    page.call("Emulation.setEmulatedMedia", media="")
-    page.until(f"{RUN_CURVES} === 3")
+    assert hidden == ['none'] * 3
+    page.call('Emulation.setEmulatedMedia', media='')
+    page.until(f'{RUN_CURVES} === 3')
 
 
 def test_contrast_of_texts_and_curves(page: Browser) -> None:
     """WCAG 2.1: 4.5 to 1 for text, 3 to 1 for what a picture is made of."""
-    names = ["fg", "soft", "good", "bad", "part", "accent", *(f"c{i}" for i in range(7))]
-    for theme in ("light", "dark"):
+    names = ['fg', 'soft', 'good', 'bad', 'part', 'accent', *(f'c{i}' for i in range(7))]
+    for theme in ('light', 'dark'):
         page.media(prefers_color_scheme=theme)
         values = page.js(
-            f"{json.dumps(['bg', 'panel', *names])}.map((n) =>"
+            f'{json.dumps(["bg", "panel", *names])}.map((n) =>'
             "getComputedStyle(document.documentElement).getPropertyValue('--' + n).trim())"
         )
-        colors = dict(zip(["bg", "panel", *names], values, strict=True))
-        for ground in ("bg", "panel"):
+        colors = dict(zip(['bg', 'panel', *names], values, strict=True))
+        for ground in ('bg', 'panel'):
             for name in names:
-                least = 3.0 if name.startswith("c") else 4.5
+                least = 3.0 if name.startswith('c') else 4.5
                 assert contrast(colors[name], colors[ground]) >= least, (theme, name, ground)
 
 

@@ -1,49 +1,62 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The table of parameters in the README is the one that the definitions give."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters import SECTIONS, specs
 from flexarm_ros.scenario import table
+import pytest
 
-README = Path(__file__).resolve().parent.parent / "README.md"
+README = Path(__file__).resolve().parent.parent / 'README.md'
 
 
 def test_every_parameter_has_a_row_of_six_cells() -> None:
     rows = table.markdown().splitlines()[2:]
-    names = [f"`{section}.{key}`" for section, cls in SECTIONS.items() for key in specs(cls)]
-    assert [row.split(" | ")[0].removeprefix("| ") for row in rows] == names
-    assert all(row.replace("\\|", "").count("|") == 7 for row in rows)
+    names = [f'`{section}.{key}`' for section, cls in SECTIONS.items() for key in specs(cls)]
+    assert [row.split(' | ')[0].removeprefix('| ') for row in rows] == names
+    assert all(row.replace('\\|', '').count('|') == 7 for row in rows)
 
 
 def test_the_table_goes_between_its_marks() -> None:
-    text = f"a\n{table.BEGIN}\nold\n{table.END}\nb\n"
-    assert table.with_table(text) == f"a\n{table.BEGIN}\n{table.markdown()}{table.END}\nb\n"
+    text = f'a\n{table.BEGIN}\nold\n{table.END}\nb\n'
+    assert table.with_table(text) == f'a\n{table.BEGIN}\n{table.markdown()}{table.END}\nb\n'
     assert table.with_table(table.with_table(text)) == table.with_table(text)
-    with pytest.raises(ValueError, match="no lines"):
-        table.with_table("a\n")
+    with pytest.raises(ValueError, match='no lines'):
+        table.with_table('a\n')
 
 
 def test_the_readme_has_the_table_of_now() -> None:
-    text = README.read_text("utf-8") if README.exists() else ""
+    text = README.read_text('utf-8') if README.exists() else ''
     if table.BEGIN not in text:
-        pytest.skip("the README has no table of parameters yet")
-    assert table.with_table(text) == text, "run: python -m flexarm_ros.scenario.table README.md"
+        pytest.skip('the README has no table of parameters yet')
+    assert table.with_table(text) == text, 'run: python -m flexarm_ros.scenario.table README.md'
 
 
 def test_what_is_left_out_is_resolved_as_it_is_taken() -> None:
     from flexarm_ros.core.loop import ClosedLoop
 
-    config = scenario.load("fls_tip", ["plant.modes=3"])
+    config = scenario.load('fls_tip', ['plant.modes=3'])
     found = scenario.resolved(config)
     loop = ClosedLoop(config)
-    assert found["plant"]["substeps"] == loop.plant.substeps > 1
-    assert found["plant"]["initial_position"] == loop.plant.q[:2].tolist()
-    assert found["plant"]["initial_velocity"] == [0.0, 0.0]
+    assert found['plant']['substeps'] == loop.plant.substeps > 1
+    assert found['plant']['initial_position'] == loop.plant.q[:2].tolist()
+    assert found['plant']['initial_velocity'] == [0.0, 0.0]
     assert scenario.from_dict(found).plant.substeps == loop.plant.substeps
-    hold = scenario.resolved(scenario.load("fls_tip", ["trajectory.kind=hold"]))
-    assert hold["trajectory"]["hold_position"] == [-6.3, -6.3]
+    hold = scenario.resolved(scenario.load('fls_tip', ['trajectory.kind=hold']))
+    assert hold['trajectory']['hold_position'] == [-6.3, -6.3]

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The YAML reader against real rcl, and the writer against rcl and PyYAML."""
 
 from __future__ import annotations
@@ -6,16 +20,15 @@ import math
 from pathlib import Path
 from typing import Any
 
-import pytest
-import yaml
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-
 from flexarm_ros import scenario
 from flexarm_ros.scenario import rclyaml
 from flexarm_ros.scenario.errors import ScenarioError
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
+import pytest
+import yaml
 
-oracle = pytest.importorskip("rcl_oracle", reason="needs rclpy")
+oracle = pytest.importorskip('rcl_oracle', reason='needs rclpy')
 
 # Scalars as written, "@" standing for a space.
 LISTED = """
@@ -45,15 +58,15 @@ def same(ours: Any, theirs: Any) -> bool:
 
 
 def both(lines: list[str], directory: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    text = "plant:\n  ros__parameters:\n"
-    text += "".join(f"    k{number}: {line}\n" for number, line in enumerate(lines))
+    text = 'plant:\n  ros__parameters:\n'
+    text += ''.join(f'    k{number}: {line}\n' for number, line in enumerate(lines))
     tree = rclyaml.parse(text)
     assert tree is not None
-    return rclyaml.plain(tree)["plant"]["ros__parameters"], oracle.read(text, directory)
+    return rclyaml.plain(tree)['plant']['ros__parameters'], oracle.read(text, directory)
 
 
 def test_scalars_mean_what_rcl_takes_them_for(tmp_path: Path) -> None:
-    lines = [text.replace("@", " ") for text in TEXTS]
+    lines = [text.replace('@', ' ') for text in TEXTS]
     ours, theirs = both(lines, tmp_path)
     assert set(ours) == set(theirs)
     wrong = {
@@ -64,7 +77,7 @@ def test_scalars_mean_what_rcl_takes_them_for(tmp_path: Path) -> None:
     assert not wrong
 
 
-NUMBERISH = st.text(alphabet="0123456789.eE+-xXpPabfinINFy_", min_size=1, max_size=9)
+NUMBERISH = st.text(alphabet='0123456789.eE+-xXpPabfinINFy_', min_size=1, max_size=9)
 MAGNITUDES = st.floats(allow_nan=False).map(repr) | st.floats(allow_nan=False).map(float.hex)
 
 
@@ -73,52 +86,52 @@ MAGNITUDES = st.floats(allow_nan=False).map(repr) | st.floats(allow_nan=False).m
 def test_scalars_like_numbers_mean_what_rcl_takes_them_for(
     tmp_path: Path, texts: list[str]
 ) -> None:
-    lines = [text for text in texts if text not in ("-",) and not text.startswith("---")]
+    lines = [text for text in texts if text not in ('-',) and not text.startswith('---')]
     ours, theirs = both(lines, tmp_path)
     wrong = [(lines[int(k[1:])], ours[k], theirs[k]) for k in ours if not same(ours[k], theirs[k])]
     assert not wrong
 
 
 @pytest.mark.parametrize(
-    "body",
+    'body',
     [
-        "a: |\n      5\n    b: >-\n      5\n    c: |-\n      5.5\n",
-        "a: [1, 2]\n    b: [1.0, .5]\n    c: [yes, no]\n    d: ['1', \"2\"]\n",
-        "a:\n      b: 1\n      c: {d: 2.5, e: x}\n    f.g: 3\n",
-        "'a': 1\n    \"b.c\": 2\n    1: 3\n    1.5: 4\n    yes: 5\n",
-        "? a\n    : 1\n    b: 2 # comment\n",
+        'a: |\n      5\n    b: >-\n      5\n    c: |-\n      5.5\n',
+        'a: [1, 2]\n    b: [1.0, .5]\n    c: [yes, no]\n    d: [\'1\', "2"]\n',
+        'a:\n      b: 1\n      c: {d: 2.5, e: x}\n    f.g: 3\n',
+        '\'a\': 1\n    "b.c": 2\n    1: 3\n    1.5: 4\n    yes: 5\n',
+        '? a\n    : 1\n    b: 2 # comment\n',
     ],
 )
 def test_structures_mean_what_rcl_takes_them_for(tmp_path: Path, body: str) -> None:
-    text = f"plant:\n  ros__parameters:\n    {body}"
+    text = f'plant:\n  ros__parameters:\n    {body}'
     tree = rclyaml.parse(text)
     assert tree is not None
-    ours = flat(rclyaml.plain(tree)["plant"]["ros__parameters"])
+    ours = flat(rclyaml.plain(tree)['plant']['ros__parameters'])
     theirs = oracle.read(text, tmp_path)
     assert ours == theirs
     assert {k: type(v) for k, v in ours.items()} == {k: type(v) for k, v in theirs.items()}
 
 
-def flat(data: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+def flat(data: dict[str, Any], prefix: str = '') -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in data.items():
         found.update(
-            flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+            flat(value, f'{prefix}{key}.') if isinstance(value, dict) else {prefix + key: value}
         )
     return found
 
 
 @pytest.mark.parametrize(
-    "text",
+    'text',
     [
-        "plant:\n  ros__parameters:\n    a:\n",
-        "plant:\n  ros__parameters:\n",
-        "plant:\n  ros__parameters:\n    a: &x 1\n    b: *x\n",
-        "plant:\n  ros__parameters:\n    a: [1\n",
-        "plant:\n  ros__parameters:\n    ? [a]\n    : 1\n",
-        "plant:\n  ros__parameters:\n\ta: 1\n",
+        'plant:\n  ros__parameters:\n    a:\n',
+        'plant:\n  ros__parameters:\n',
+        'plant:\n  ros__parameters:\n    a: &x 1\n    b: *x\n',
+        'plant:\n  ros__parameters:\n    a: [1\n',
+        'plant:\n  ros__parameters:\n    ? [a]\n    : 1\n',
+        'plant:\n  ros__parameters:\n\ta: 1\n',
         "plant:\n  ros__parameters:\n    a: '\n",
-        "plant:\n  ros__parameters:\n    a: \x01\n",
+        'plant:\n  ros__parameters:\n    a: \x01\n',
     ],
 )
 def test_what_rcl_refuses_is_refused(tmp_path: Path, text: str) -> None:
@@ -126,17 +139,17 @@ def test_what_rcl_refuses_is_refused(tmp_path: Path, text: str) -> None:
         oracle.read(text, tmp_path)
     with pytest.raises(ScenarioError) as caught:
         scenario.from_text(text)
-    assert "\n" not in str(caught.value)
+    assert '\n' not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    "text",
+    'text',
     [
-        "plant:\n  ros__parameters:\n    modes: 1\n    modes: 2\n",
-        "plant:\n  ros__parameters:\n    modes: 1\n/plant:\n  ros__parameters:\n    modes: 2\n",
-        "plant:\n  ros__parameters:\n    modes: 1\n---\nencoder:\n  ros__parameters: {}\n",
-        "",
-        "# nothing\n",
+        'plant:\n  ros__parameters:\n    modes: 1\n    modes: 2\n',
+        'plant:\n  ros__parameters:\n    modes: 1\n/plant:\n  ros__parameters:\n    modes: 2\n',
+        'plant:\n  ros__parameters:\n    modes: 1\n---\nencoder:\n  ros__parameters: {}\n',
+        '',
+        '# nothing\n',
     ],
 )
 def test_what_rcl_reads_in_a_way_that_misleads_is_refused(text: str) -> None:
@@ -159,28 +172,28 @@ def test_a_written_float_reads_back_exactly_everywhere(value: float) -> None:
         min_size=20,
         max_size=60,
     ),
-    st.lists(st.text(max_size=12).filter(lambda t: "\0" not in t), min_size=5, max_size=20),
+    st.lists(st.text(max_size=12).filter(lambda t: '\0' not in t), min_size=5, max_size=20),
 )
 def test_what_is_written_reads_alike_in_rcl_pyyaml_and_here(
     tmp_path: Path, numbers: list[float], texts: list[str]
 ) -> None:
-    data = {f"n{i}": x for i, x in enumerate(numbers)} | {f"t{i}": x for i, x in enumerate(texts)}
-    text = rclyaml.write({"plant": {"ros__parameters": data | {"many": numbers}}})
+    data = {f'n{i}': x for i, x in enumerate(numbers)} | {f't{i}': x for i, x in enumerate(texts)}
+    text = rclyaml.write({'plant': {'ros__parameters': data | {'many': numbers}}})
     theirs = oracle.read(text, tmp_path)
-    assert yaml.safe_load(text)["plant"]["ros__parameters"] == data | {"many": numbers}
+    assert yaml.safe_load(text)['plant']['ros__parameters'] == data | {'many': numbers}
     tree = rclyaml.parse(text)
     assert tree is not None
-    assert rclyaml.plain(tree)["plant"]["ros__parameters"] == data | {"many": numbers}
+    assert rclyaml.plain(tree)['plant']['ros__parameters'] == data | {'many': numbers}
     assert all(same(theirs[key], value) for key, value in data.items())
-    assert theirs["many"] == numbers
+    assert theirs['many'] == numbers
 
 
-@pytest.mark.parametrize("name", sorted(scenario.shipped()))
+@pytest.mark.parametrize('name', sorted(scenario.shipped()))
 def test_nodes_read_the_normalised_scenario_as_we_do(tmp_path: Path, name: str) -> None:
     config = scenario.load(name)
     text = scenario.dump(config)
     for section, keys in scenario.to_dict(config).items():
-        node = "plant" if section == "/**" else section
+        node = 'plant' if section == '/**' else section
         theirs = oracle.read(text, tmp_path, node)
         for key, value in keys.items():
             if value is not None:

@@ -1,12 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The linearised loop against the loop itself, differentiated numerically, and against theory."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-
-import numpy as np
-import pytest
+import math
 
 from flexarm_ros.core.kinematics import rigid_point
 from flexarm_ros.core.loop import ClosedLoop
@@ -21,8 +32,10 @@ from flexarm_ros.core.parameters import (
     TrajectoryParameters,
 )
 from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_law import LinearLaw, NoLinearFormError, linear_law
+from flexarm_ros.core.stability_law import linear_law, LinearLaw, NoLinearFormError
 from flexarm_ros.core.stability_parts import hold_matrices
+import numpy as np
+import pytest
 
 BEND = 0.9
 TURN = 0.4
@@ -43,47 +56,47 @@ def resting(
         plant=replace(plant, initial_position=(TURN, BEND)),
         encoder=encoder or EncoderParameters(),
         tip_sensor=tip,
-        trajectory=TrajectoryParameters(kind="hold", hold_position=(x, y)),
+        trajectory=TrajectoryParameters(kind='hold', hold_position=(x, y)),
         controller=control,
     )
 
 
 CASES = {
-    "pd collocated": resting(
+    'pd collocated': resting(
         PlantParameters(),
         TipSensorParameters(),
-        ControllerParameters(law="pd", feedback="encoder"),
+        ControllerParameters(law='pd', feedback='encoder'),
         EncoderParameters(latency=0.0023),
     ),
-    "pd at the tip": resting(
+    'pd at the tip': resting(
         PlantParameters(),
         TipSensorParameters(latency=0.001238),
-        ControllerParameters(law="pd"),
+        ControllerParameters(law='pd'),
     ),
-    "whole ticks": resting(
+    'whole ticks': resting(
         PlantParameters(),
         TipSensorParameters(latency=0.003, location=8.0),
-        ControllerParameters(law="pd"),
+        ControllerParameters(law='pd'),
     ),
-    "no latency": resting(
+    'no latency': resting(
         PlantParameters(),
-        TipSensorParameters(location=5.0, measurand="elastic"),
-        ControllerParameters(law="pd"),
+        TipSensorParameters(location=5.0, measurand='elastic'),
+        ControllerParameters(law='pd'),
     ),
-    "fls, elastic, joint rates": resting(
+    'fls, elastic, joint rates': resting(
         PlantParameters(modes=2, damping_ratio=0.02),
-        TipSensorParameters(latency=0.0047, measurand="elastic", location=7.3),
-        ControllerParameters(velocity_source="encoder"),
+        TipSensorParameters(latency=0.0047, measurand='elastic', location=7.3),
+        ControllerParameters(velocity_source='encoder'),
     ),
-    "fls, full": resting(
-        PlantParameters(model="full", modes=2, hub_inertia=(3.0, 9.0), payload_mass=0.2),
-        TipSensorParameters(latency=0.0009289, measurand="elastic", location=6.75),
+    'fls, full': resting(
+        PlantParameters(model='full', modes=2, hub_inertia=(3.0, 9.0), payload_mass=0.2),
+        TipSensorParameters(latency=0.0009289, measurand='elastic', location=6.75),
         ControllerParameters(),
     ),
-    "encoder, joint rates": resting(
+    'encoder, joint rates': resting(
         PlantParameters(length=(3.0, 5.0)),
         TipSensorParameters(location=8.0),
-        ControllerParameters(law="pd", feedback="encoder", velocity_source="encoder"),
+        ControllerParameters(law='pd', feedback='encoder', velocity_source='encoder'),
         EncoderParameters(latency=0.0011),
     ),
 }
@@ -139,11 +152,11 @@ def predicted(config: RunConfig, integrator: str) -> np.ndarray:
     matrix = loop.matrix()
     result[:, 0] = matrix[: 2 * n, : 2 * n]
     # The analysis is at theta1 = 0: the sensor's channels there are those at TURN, turned back.
-    if config.controller.feedback == "encoder":
+    if config.controller.feedback == 'encoder':
         seen = np.kron(np.eye(2), np.eye(2, n))
     else:
         tip = config.tip_sensor
-        point = linearise(config, BEND).point(tip.location, tip.measurand == "elastic")
+        point = linearise(config, BEND).point(tip.location, tip.measurand == 'elastic')
         seen = np.kron(np.eye(2), point)
     for age in range(1, depth + 1):
         start = 2 * n + 4 * (age - 1)
@@ -151,10 +164,10 @@ def predicted(config: RunConfig, integrator: str) -> np.ndarray:
     return result
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize('name', CASES)
 def test_the_one_tick_matrix_is_the_code_s_own_derivative(name: str) -> None:
     config = CASES[name]
-    expected = predicted(config, "rk4")
+    expected = predicted(config, 'rk4')
     # Two steps, extrapolated: what is of second order in the step (the kinematics) and, with
     # lambda's kink at the origin, of first order, goes.
     coarse, fine = differentiated(config, 2e-5), differentiated(config, 1e-5)
@@ -164,14 +177,14 @@ def test_the_one_tick_matrix_is_the_code_s_own_derivative(name: str) -> None:
     np.testing.assert_allclose(found / scale, expected / scale, rtol=0.0, atol=2e-9)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize('name', CASES)
 def test_the_plant_s_steps_differ_from_the_exact_hold_by_their_own_error_only(name: str) -> None:
     config = CASES[name]
     exact = hold_matrices(linearise(config, BEND), 0.001)
-    loop = SampledLoop(config, BEND, "rk4")
+    loop = SampledLoop(config, BEND, 'rk4')
     # RK4 at 0.2 rad a step (eq14) is 1.3e-5 rad a rad out of phase on the fastest mode, at
     # 0.5 rad (full) 5e-4.
-    worst = 5e-4 if config.plant.model == "full" else 1.4e-5
+    worst = 5e-4 if config.plant.model == 'full' else 1.4e-5
     w = np.abs(np.linalg.eigvals(exact[0]))
     assert np.abs(w - 1.0).max() < 1e-2
     for a, b in zip(loop.hold, exact, strict=True):
@@ -179,7 +192,7 @@ def test_the_plant_s_steps_differ_from_the_exact_hold_by_their_own_error_only(na
         assert np.abs((a - b) / scale).max() < worst
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize('name', CASES)
 def test_compression_keeps_the_eigenvalues(name: str) -> None:
     # The histories' own eigenvalues are defective zeros, which rounding scatters.
     config = CASES[name]
@@ -193,7 +206,7 @@ def test_compression_keeps_the_eigenvalues(name: str) -> None:
 
 
 def test_the_pose_s_direction_does_not_matter() -> None:
-    config = CASES["fls, full"]
+    config = CASES['fls, full']
     a, b = linearise(config, BEND, 0.0), linearise(config, BEND, 2.0)
     size = 2 * len(a.mass)
     here, there = (linear_law(config, arm).d for arm in (a, b))
@@ -204,13 +217,13 @@ def test_the_pose_s_direction_does_not_matter() -> None:
 
 
 def test_exact_hold_is_the_closed_form() -> None:
-    config = CASES["pd at the tip"]
+    config = CASES['pd at the tip']
     arm = linearise(config, BEND)
     a, b = hold_matrices(arm, 0.01)
     n = len(arm.mass)
     # Undamped and free: eigenvalues exp(+-j w T) at the natural frequencies.
     angles = np.sort(np.abs(np.angle(np.linalg.eigvals(a))))
-    expected = np.repeat(natural_frequencies(config, BEND, "free"), 2) * 0.01
+    expected = np.repeat(natural_frequencies(config, BEND, 'free'), 2) * 0.01
     np.testing.assert_allclose(angles[4:], expected, rtol=1e-9)
     assert angles[:4].max() < 1e-5
     # Nothing else acts on theta1: the momentum conjugate to it grows by torque times T exactly.
@@ -219,24 +232,26 @@ def test_exact_hold_is_the_closed_form() -> None:
     assert forced == pytest.approx(0.01, rel=1e-6)
 
 
-@pytest.mark.parametrize("model", ["buffer", "pade2"])
-@pytest.mark.parametrize("latency", [0.0, 0.0004, 0.001, 0.0066])
-def test_the_torques_of_the_code_follow_the_matrix_tick_by_tick(model: str, latency: float) -> None:
+@pytest.mark.parametrize('model', ['buffer', 'pade2'])
+@pytest.mark.parametrize('latency', [0.0, 0.0004, 0.001, 0.0066])
+def test_the_torques_of_the_code_follow_the_matrix_tick_by_tick(
+    model: str, latency: float
+) -> None:
     """A kicked arm, flown by the code, against powers of the matrix: every latency model."""
     tip = TipSensorParameters(latency=latency, latency_model=model, location=7.0)
-    config = resting(PlantParameters(), tip, ControllerParameters(law="pd"))
+    config = resting(PlantParameters(), tip, ControllerParameters(law='pd'))
     follows(config)
 
 
-@pytest.mark.parametrize("rate", [500.0, 100.0])
+@pytest.mark.parametrize('rate', [500.0, 100.0])
 def test_a_slow_sensor_s_matrix_spans_its_sample(rate: float) -> None:
     tip = TipSensorParameters(latency=0.0012, rate=rate)
-    follows(resting(PlantParameters(), tip, ControllerParameters(law="pd")))
+    follows(resting(PlantParameters(), tip, ControllerParameters(law='pd')))
 
 
 def follows(config: RunConfig) -> None:
     size, kick = 1e-6, np.array([0.3, -0.2, 0.5, 0.4, 1.0, 2.0, -1.0, 0.5])
-    linear = SampledLoop(config, BEND, "rk4")
+    linear = SampledLoop(config, BEND, 'rk4')
     state = np.zeros(len(linear.matrix()))
     n = len(linear.arm.mass)
     loop = ClosedLoop(config)
@@ -263,8 +278,10 @@ def follows(config: RunConfig) -> None:
 
 
 def test_a_law_without_a_linear_form_is_refused() -> None:
-    config = RunConfig(controller=ControllerParameters(law="open_loop"), torques=((0.0, 0.0, 0.0),))
-    with pytest.raises(NoLinearFormError, match="^controller.law: open_loop"):
+    config = RunConfig(
+        controller=ControllerParameters(law='open_loop'), torques=((0.0, 0.0, 0.0),)
+    )
+    with pytest.raises(NoLinearFormError, match='^controller.law: open_loop'):
         SampledLoop(config, 1.0)
 
 
@@ -278,13 +295,13 @@ def test_a_law_with_a_state_of_its_own_takes_part(monkeypatch: pytest.MonkeyPatc
     class Lagging(PdLaw):
         @classmethod
         def linear_form(cls, config: RunConfig, arm: object) -> LinearLaw:
-            as_pd = replace(config, controller=replace(config.controller, law="pd"))
+            as_pd = replace(config, controller=replace(config.controller, law='pd'))
             d = linear_law(as_pd, arm).d  # type: ignore[arg-type]
             return LinearLaw(keep * np.eye(2), (1 - keep) * d, np.eye(2), np.zeros_like(d))
 
-    monkeypatch.setitem(stability_law.LAWS, "pd2", Lagging)
-    config = CASES["pd at the tip"]
-    lagged = replace(config, controller=replace(config.controller, law="pd2"))
+    monkeypatch.setitem(stability_law.LAWS, 'pd2', Lagging)
+    config = CASES['pd at the tip']
+    lagged = replace(config, controller=replace(config.controller, law='pd2'))
     loop = SampledLoop(lagged, BEND)
     plain = SampledLoop(config, BEND)
     assert len(loop.matrix()) == len(plain.matrix()) + 2
@@ -297,6 +314,6 @@ def test_a_law_with_a_state_of_its_own_takes_part(monkeypatch: pytest.MonkeyPatc
 
 def test_too_long_a_history_is_refused_at_once() -> None:
     tip = TipSensorParameters(latency=0.9)
-    config = resting(PlantParameters(), tip, ControllerParameters(law="pd"), period=0.00002)
-    with pytest.raises(ValueError, match="^tip_sensor.latency: 0.9 s is 45000 ticks"):
+    config = resting(PlantParameters(), tip, ControllerParameters(law='pd'), period=0.00002)
+    with pytest.raises(ValueError, match='^tip_sensor.latency: 0.9 s is 45000 ticks'):
         SampledLoop(config, BEND).matrix()

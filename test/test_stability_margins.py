@@ -1,14 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Margins against closed forms, and against what the loop itself does."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-
-import numpy as np
-import pytest
-from scipy.linalg import eigh
-from scipy.optimize import brentq
+import math
 
 from flexarm_ros.core.kinematics import jacobian, rigid_point
 from flexarm_ros.core.loop import ClosedLoop
@@ -23,7 +32,11 @@ from flexarm_ros.core.parameters import (
     TrajectoryParameters,
 )
 from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_margins import Pose, analyse, is_stable, poses_along
+from flexarm_ros.core.stability_margins import analyse, is_stable, Pose, poses_along
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 # Links so stiff and damped that the arm is the rigid one.
 RIGID = PlantParameters(flexural_rigidity=(1e11, 1e11), damping_ratio=1.0)
@@ -56,7 +69,7 @@ def crossing_of_position(mu: float) -> float:
 
 
 def rigid_config(
-    velocity_source: str, period: float, latency: float = 0.0, law: str = "pd"
+    velocity_source: str, period: float, latency: float = 0.0, law: str = 'pd'
 ) -> RunConfig:
     return RunConfig(
         run=RunParameters(control_period=period, duration=30.0),
@@ -66,11 +79,11 @@ def rigid_config(
     )
 
 
-@pytest.mark.parametrize(("velocity_source", "period"), [("feedback", 0.0005), ("encoder", 0.003)])
+@pytest.mark.parametrize(('velocity_source', 'period'), [('feedback', 0.0005), ('encoder', 0.003)])
 def test_crossing_delay_of_the_rigid_arm_is_the_closed_form(
     velocity_source: str, period: float
 ) -> None:
-    crossing = crossing_of_both if velocity_source == "feedback" else crossing_of_position
+    crossing = crossing_of_both if velocity_source == 'feedback' else crossing_of_position
     expected = min(crossing(mu) for mu in rigid_loops())
     config = rigid_config(velocity_source, period)
     found = analyse(config, Pose(0.0, 0.0, BEND), max_latency_s=1.3 * expected)
@@ -79,7 +92,7 @@ def test_crossing_delay_of_the_rigid_arm_is_the_closed_form(
     assert found.crossing_s + 0.5 * period == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("law", ["pd", "fls"])
+@pytest.mark.parametrize('law', ['pd', 'fls'])
 def test_gain_margin_of_the_rigid_arm_is_the_closed_form(law: str) -> None:
     latency = 0.003
     top = max(rigid_loops())
@@ -87,17 +100,17 @@ def test_gain_margin_of_the_rigid_arm_is_the_closed_form(law: str) -> None:
     whole = latency + 0.5 * period
     expected = brentq(lambda g: crossing_of_both(g * top) - whole, 0.1, 100.0)
     found = analyse(
-        rigid_config("feedback", period, latency, law), Pose(0.0, 0.0, BEND), max_latency_s=0.005
+        rigid_config('feedback', period, latency, law), Pose(0.0, 0.0, BEND), max_latency_s=0.005
     )
     assert found.stable
-    assert found.gain == pytest.approx(1.0 if law == "pd" else 2.5)
+    assert found.gain == pytest.approx(1.0 if law == 'pd' else 2.5)
     assert found.gain_high == pytest.approx(expected, rel=4e-3)
     assert found.gain_low is None
     assert found.gain_margin == pytest.approx(found.gain_high / found.gain)
 
 
 def test_an_unstable_gain_is_told_how_far_it_must_fall() -> None:
-    config = rigid_config("feedback", 0.001, 0.003)
+    config = rigid_config('feedback', 0.001, 0.003)
     stable = analyse(config, Pose(0.0, 0.0, BEND))
     assert stable.gain_high is not None
     unstable = analyse(config, Pose(0.0, 0.0, BEND), gain=2.0 * stable.gain_high)
@@ -113,8 +126,8 @@ def test_an_unstable_gain_is_told_how_far_it_must_fall() -> None:
 def test_the_true_tip_of_the_elastic_arm_is_stable_at_no_gain() -> None:
     """The nonminimum-phase limit: no gain of (20) on the point itself, delay or none."""
     config = RunConfig(
-        tip_sensor=TipSensorParameters(measurand="elastic"),
-        controller=ControllerParameters(law="pd"),
+        tip_sensor=TipSensorParameters(measurand='elastic'),
+        controller=ControllerParameters(law='pd'),
     )
     for pose in poses_along(config, 3):
         found = analyse(config, pose)
@@ -135,23 +148,23 @@ def test_poses_cover_the_square() -> None:
     for pose in poses:
         x, y, _, _ = rigid_point(4.5, 4.5, pose.theta1, pose.theta2, 0.0, 0.0)
         assert max(abs(x), abs(y)) == pytest.approx(6.3)
-    hold = RunConfig(trajectory=TrajectoryParameters(kind="hold", hold_position=(3.0, 4.0)))
+    hold = RunConfig(trajectory=TrajectoryParameters(kind='hold', hold_position=(3.0, 4.0)))
     assert len(poses_along(hold)) == 1
 
 
 # What the code does at rest, kicked, against the largest eigenvalue: feedback, latency,
 # measurand, location, velocity source, law, model.
 FLOWN: dict[str, dict[str, object]] = {
-    "pd, crossing less 4 %": {"law": "pd", "part": 0.96},
-    "pd, crossing plus 4 %": {"law": "pd", "part": 1.04},
-    "fls, crossing less 4 %": {"law": "fls", "part": 0.96},
-    "fls, crossing plus 4 %": {"law": "fls", "part": 1.04},
-    "pd at 7 m, plus": {"law": "pd", "part": 1.04, "location": 7.0},
-    "pd, elastic, no delay": {"law": "pd", "latency": 0.0, "measurand": "elastic"},
-    "fls, elastic, encoder rates": {
-        "law": "fls", "latency": 0.0312, "measurand": "elastic", "velocity_source": "encoder",
+    'pd, crossing less 4 %': {'law': 'pd', 'part': 0.96},
+    'pd, crossing plus 4 %': {'law': 'pd', 'part': 1.04},
+    'fls, crossing less 4 %': {'law': 'fls', 'part': 0.96},
+    'fls, crossing plus 4 %': {'law': 'fls', 'part': 1.04},
+    'pd at 7 m, plus': {'law': 'pd', 'part': 1.04, 'location': 7.0},
+    'pd, elastic, no delay': {'law': 'pd', 'latency': 0.0, 'measurand': 'elastic'},
+    'fls, elastic, encoder rates': {
+        'law': 'fls', 'latency': 0.0312, 'measurand': 'elastic', 'velocity_source': 'encoder',
     },
-    "full, two modes": {"law": "pd", "latency": 0.0312, "model": "full"},
+    'full, two modes': {'law': 'pd', 'latency': 0.0312, 'model': 'full'},
 }  # fmt: skip
 
 
@@ -160,12 +173,12 @@ def flown(
     part: float = 1.0,
     latency: float | None = None,
     location: float = 9.0,
-    measurand: str = "rigid",
-    velocity_source: str = "feedback",
-    model: str = "eq14",
+    measurand: str = 'rigid',
+    velocity_source: str = 'feedback',
+    model: str = 'eq14',
 ) -> tuple[RunConfig, SampledLoop]:
     plant = PlantParameters(
-        model=model, modes=2 if model == "full" else 1, initial_position=(0.0, BEND)
+        model=model, modes=2 if model == 'full' else 1, initial_position=(0.0, BEND)
     )
     x, y, _, _ = rigid_point(4.5, 4.5, 0.0, BEND, 0.0, 0.0)
     config = RunConfig(
@@ -173,7 +186,7 @@ def flown(
         plant=plant,
         encoder=EncoderParameters(),
         tip_sensor=TipSensorParameters(location=location, measurand=measurand),
-        trajectory=TrajectoryParameters(kind="hold", hold_position=(x, y)),
+        trajectory=TrajectoryParameters(kind='hold', hold_position=(x, y)),
         controller=ControllerParameters(law=law, velocity_source=velocity_source),
     )
     if latency is None:
@@ -181,10 +194,10 @@ def flown(
         assert crossing is not None
         latency = round(crossing * part, 9)
     config = replace(config, tip_sensor=replace(config.tip_sensor, latency=latency))
-    return config, SampledLoop(config, BEND, "rk4")
+    return config, SampledLoop(config, BEND, 'rk4')
 
 
-@pytest.mark.parametrize("name", FLOWN)
+@pytest.mark.parametrize('name', FLOWN)
 def test_the_flown_loop_grows_or_fades_as_its_largest_eigenvalue(name: str) -> None:
     config, linear = flown(**FLOWN[name])  # type: ignore[arg-type]
     value = linear.eigenvalues()[0]

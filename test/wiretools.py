@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One node against a wire full of rubbish: the test plays every other node of its run.
 
 `Peers` holds the seats of all other roles from one DDS participant, as the player does for the
@@ -6,25 +20,24 @@ controller, and knows from a simulation which bytes belong to each tick.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import os
+from pathlib import Path
 import subprocess
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import rclpy
 from bagtools import small_messages
-from nodetools import start_node
-
 from flexarm_ros import scenario
-from flexarm_ros.bag.topics import Topic, per_tick_topics
+from flexarm_ros.bag.topics import per_tick_topics, Topic
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.agreement import dump_sections
 from flexarm_ros.nodes.endpoints import NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import READERS, ROLES, message_class, qos_profile
+from flexarm_ros.nodes.graph import message_class, qos_profile, READERS, ROLES
 from flexarm_ros.nodes.status import Board, Phase
+from nodetools import start_node
+import rclpy
 
 PATIENCE_S = 60.0
 
@@ -34,7 +47,7 @@ class Wire:
 
     def __init__(self, name: str) -> None:
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
+        rclpy.init(context=self.context, domain_id=int(os.environ['ROS_DOMAIN_ID']))
         self.node = rclpy.create_node(name, context=self.context, start_parameter_services=False)
         self._publishers: dict[str, Any] = {}
 
@@ -56,7 +69,7 @@ class Peers(Wire):
     """All roles but one."""
 
     def __init__(self, role: str, config: RunConfig) -> None:
-        super().__init__("peers")
+        super().__init__('peers')
         self.role, self.config = role, config
         self.topics = per_tick_topics(config)
         self.timeline = Timeline.of(config.run)
@@ -93,9 +106,9 @@ class Peers(Wire):
             taken = handle.take_message(message_class(topic.type_name), True)
             if taken is not None:
                 return bytes(taken[0])
-            assert node.poll() is None, f"the node has ended:\n{node.communicate()[0]}"
+            assert node.poll() is None, f'the node has ended:\n{node.communicate()[0]}'
             self._waiter.wait([handle], 100_000_000)
-        raise AssertionError(f"no message on {topic.name} within {PATIENCE_S:g} s")
+        raise AssertionError(f'no message on {topic.name} within {PATIENCE_S:g} s')
 
     def wait_until(self, node: subprocess.Popen[str], done: Callable[[], bool], what: str) -> None:
         """Look at the node's status until ``done``."""
@@ -103,7 +116,7 @@ class Peers(Wire):
         deadline = time.monotonic() + PATIENCE_S
         while not done():
             board.update()
-            assert node.poll() is None, f"the node has ended:\n{node.communicate()[0]}"
+            assert node.poll() is None, f'the node has ended:\n{node.communicate()[0]}'
             assert time.monotonic() < deadline, what
             self._waiter.wait([board.handle], 50_000_000)
 
@@ -115,18 +128,19 @@ class Peers(Wire):
     def _connected(self) -> bool:
         """Whether each input of the node has our publisher, and each output our reader."""
         return all(
-            self.publisher(topic.name, None, None).get_subscription_count() for topic in self.inputs
+            self.publisher(topic.name, None, None).get_subscription_count()
+            for topic in self.inputs
         ) and all(heard.handle.get_publisher_count() for heard in self.heard.values())
 
     def begin(self, node: subprocess.Popen[str]) -> None:
         """Wait until the node runs; the plant's seat then says that it does too."""
-        self.wait_until(node, self._connected, "connected")
+        self.wait_until(node, self._connected, 'connected')
         for board in self.boards.values():
             board.publish(phase=Phase.READY)
-        self.wait_until(node, lambda: self.phase() in (Phase.READY, Phase.RUNNING), "ready")
-        if self.role != "plant":
-            self.boards["plant"].publish(phase=Phase.RUNNING)
-        self.wait_until(node, lambda: self.phase() is Phase.RUNNING, "running")
+        self.wait_until(node, lambda: self.phase() in (Phase.READY, Phase.RUNNING), 'ready')
+        if self.role != 'plant':
+            self.boards['plant'].publish(phase=Phase.RUNNING)
+        self.wait_until(node, lambda: self.phase() is Phase.RUNNING, 'running')
 
     def end(self, ticks: int) -> None:
         """Say that the run is over."""

@@ -1,12 +1,25 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How far a link may bend: a cantilever under a dead load against the elastica."""
 
 from __future__ import annotations
 
+from flexarm_ros.core.plant_full_model import END, END_SHORT, make_constants, STIFFNESS
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-
-from flexarm_ros.core.plant_full_model import END, END_SHORT, STIFFNESS, make_constants
 from validation.motion import full_plant
 from validation.report import Section
 
@@ -36,7 +49,7 @@ def elastica(load: float) -> tuple[float, float]:
 
 def ours(load: float) -> tuple[float, float]:
     """Return the same of link 1 of the full model, in equilibrium."""
-    constants = make_constants(full_plant(modes=2, basis="craig_bampton"))
+    constants = make_constants(full_plant(modes=2, basis='craig_bampton'))
     force = load * RIGIDITY / LENGTH**2
     end = constants.vectors[0, END]
     a = force * end / constants.vectors[0, STIFFNESS]
@@ -45,22 +58,22 @@ def ours(load: float) -> tuple[float, float]:
 
 def run() -> Section:
     """Compute the table."""
-    section = Section("How far a link may bend")
+    section = Section('How far a link may bend')
     rows, errors = [], {}
     for share in (0.02, 0.05, 0.1, 0.2, 0.3):
         load = brentq(lambda x, share=share: elastica(x)[0] - share, share, 10.0 * share)
         exact, found = elastica(load), ours(load)
         errors[share] = found[0] / exact[0] - 1.0
         rows.append(
-            [f"{100.0 * share:g}", f"{100.0 * errors[share]:.3f}", f"{100.0 * exact[1]:.3f}",
-             f"{100.0 * found[1]:.3f}"]
+            [f'{100.0 * share:g}', f'{100.0 * errors[share]:.3f}', f'{100.0 * exact[1]:.3f}',
+             f'{100.0 * found[1]:.3f}']
         )  # fmt: skip
     section.table(
-        ["exact deflection, % of length", "error of the deflection, %",
-         "exact shortening, % of length", "found"], rows,
+        ['exact deflection, % of length', 'error of the deflection, %',
+         'exact shortening, % of length', 'found'], rows,
     )  # fmt: skip
     section.goal(
-        "Static deflection of 5 % of the length against the elastica", f"{errors[0.05]:.2%}",
-        "1 %", abs(errors[0.05]) < LIMIT,
+        'Static deflection of 5 % of the length against the elastica', f'{errors[0.05]:.2%}',
+        '1 %', abs(errors[0.05]) < LIMIT,
     )  # fmt: skip
     return section

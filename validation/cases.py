@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The motions that are compared with Exudyn: two links of design.md, no hub inertia."""
 
 from __future__ import annotations
@@ -21,22 +35,22 @@ def _joints(shoulder: Torque, elbow: Torque) -> Torque:
 
 
 CASES: dict[str, Case] = {
-    "shoulder_pulse": Case((0.0, 1.0), 3.0, torque=_sine(50.0, 1.0, end=1.0)),
-    "pulses_both": Case(
+    'shoulder_pulse': Case((0.0, 1.0), 3.0, torque=_sine(50.0, 1.0, end=1.0)),
+    'pulses_both': Case(
         (0.0, 1.0), 5.0, torque=_joints(_sine(20.0, 1.0, end=1.0), _sine(-20.0, 1.0, 0.5, 1.5))
     ),
-    "torques_both": Case(
+    'torques_both': Case(
         (0.0, 0.5 * math.pi), 5.0, torque=_joints(_sine(20.0, 1.0), _sine(20.0, 1.0))
     ),
-    "torques_opposed": Case((0.0, 0.5), 5.0, torque=_joints(_sine(20.0, 0.5), _sine(-20.0, 1.0))),
-    "free_bent": Case((0.0, 0.5 * math.pi), 5.0, rates=(1.5, 0.0)),
-    "free_both": Case((0.0, 0.3), 5.0, rates=(1.5, 1.5)),
-    "payload_pulse": Case((0.0, 1.0), 3.0, torque=_sine(20.0, 1.0, end=1.0), payload=0.5),
+    'torques_opposed': Case((0.0, 0.5), 5.0, torque=_joints(_sine(20.0, 0.5), _sine(-20.0, 1.0))),
+    'free_bent': Case((0.0, 0.5 * math.pi), 5.0, rates=(1.5, 0.0)),
+    'free_both': Case((0.0, 0.3), 5.0, rates=(1.5, 1.5)),
+    'payload_pulse': Case((0.0, 1.0), 3.0, torque=_sine(20.0, 1.0, end=1.0), payload=0.5),
 }
 """Name -> motion; torques smooth from 0, since steps on a hub without inertia ring."""
 
 BEYOND: dict[str, Case] = {
-    "pulse_100": Case((0.0, 1.0), 3.0, torque=_sine(100.0, 1.0, end=1.0)),
-    "pulse_200": Case((0.0, 1.0), 3.0, torque=_sine(200.0, 1.0, end=1.0)),
+    'pulse_100': Case((0.0, 1.0), 3.0, torque=_sine(100.0, 1.0, end=1.0)),
+    'pulse_200': Case((0.0, 1.0), 3.0, torque=_sine(200.0, 1.0, end=1.0)),
 }
 """Motions that bend the links further than the model is made for."""

@@ -1,17 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Energy, and the momentum conjugate to theta1: free and forced motions, both models."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from flexarm_ros.core.parameters import PlantParameters
 from flexarm_ros.core.plant import instability
 from flexarm_ros.core.plant_eq14 import Eq14Matrices
 from flexarm_ros.core.plant_full import FullPlant
+import numpy as np
 from validation.motion import Array, full_plant, start
-from validation.pictures import BLUE, GREY, ORANGE, new_figure
+from validation.pictures import BLUE, GREY, new_figure, ORANGE
 from validation.report import Section
 
 LIMIT = 1e-6
@@ -88,7 +101,7 @@ def eq14_drift(plant: PlantParameters) -> tuple[float, float]:
 
 def survival(modes: int) -> float:
     """Return when ``eq14`` without hub inertia becomes unstable in the free motion, s; or inf."""
-    arm = start(full_plant(model="eq14", modes=modes), (0.0, 1.2), (1.5, -0.7))
+    arm = start(full_plant(model='eq14', modes=modes), (0.0, 1.2), (1.5, -0.7))
     for tick in range(TICKS):
         arm.step(0.0, 0.0)
         if instability(arm) is not None:
@@ -98,38 +111,38 @@ def survival(modes: int) -> float:
 
 def run() -> Section:
     """Compute the tables."""
-    section = Section("Energy and momentum")
+    section = Section('Energy and momentum')
     section.say(
-        "Largest relative change in 5 s of free, undamped motion, default integrator steps; from "
-        "straight links at 1.5 and -0.7 rad/s, theta2 = 1.2 rad, and after torque pulses of "
-        "20 N m and 0.1 s on both joints:"
+        'Largest relative change in 5 s of free, undamped motion, default integrator steps; from '
+        'straight links at 1.5 and -0.7 rad/s, theta2 = 1.2 rad, and after torque pulses of '
+        '20 N m and 0.1 s on both joints:'
     )
     rows, worst = [], 0.0
     for hub in (0.0, 8.0):
         for modes in range(1, 7):
             plant = full_plant(modes=modes, hub_inertia=(hub, hub))
             free, pulsed = drift(plant), drift(plant, 20.0)
-            rows.append([f"{hub:g}", modes, *(f"{value:.1e}" for value in (*free, *pulsed))])
+            rows.append([f'{hub:g}', modes, *(f'{value:.1e}' for value in (*free, *pulsed))])
             worst = max(worst, *free, *pulsed)
     section.table(
-        ["hub, kg m^2", "N", "energy", "momentum", "energy (pulsed)", "momentum (pulsed)"], rows
+        ['hub, kg m^2', 'N', 'energy', 'momentum', 'energy (pulsed)', 'momentum (pulsed)'], rows
     )
     section.goal(
-        "Energy and momentum of free motions over 5 s, N = 1 to 6", f"{worst:.1e}", "1e-6",
+        'Energy and momentum of free motions over 5 s, N = 1 to 6', f'{worst:.1e}', '1e-6',
         worst < LIMIT,
     )  # fmt: skip
     section.say(
-        "Forced motion, 3 s, smooth torques on both joints; missing in the balance, of the "
-        "largest energy and momentum:"
+        'Forced motion, 3 s, smooth torques on both joints; missing in the balance, of the '
+        'largest energy and momentum:'
     )
     rows, worst = [], 0.0
     for modes in (1, 4):
         missing = balance(full_plant(modes=modes))
-        rows.append([modes, *(f"{value:.1e}" for value in missing)])
+        rows.append([modes, *(f'{value:.1e}' for value in missing)])
         worst = max(worst, *missing)
-    section.table(["N", "energy - work", "momentum - impulse"], rows)
+    section.table(['N', 'energy - work', 'momentum - impulse'], rows)
     section.goal(
-        "Balance of energy with work, of momentum with impulse", f"{worst:.1e}", "1e-6",
+        'Balance of energy with work, of momentum with impulse', f'{worst:.1e}', '1e-6',
         worst < LIMIT,
     )  # fmt: skip
     _eq14(section)
@@ -137,21 +150,21 @@ def run() -> Section:
 
 
 def _eq14(section: Section) -> None:
-    section.say("`eq14` with hubs of 8 kg m^2, free motion as above, largest relative change:")
+    section.say('`eq14` with hubs of 8 kg m^2, free motion as above, largest relative change:')
     rows = []
     for modes in (1, 4):
-        plant = PlantParameters(model="eq14", modes=modes, hub_inertia=(8.0, 8.0))
-        rows.append([modes, *(f"{value:.3f}" for value in eq14_drift(plant))])
-    section.table(["N", "energy", "momentum"], rows)
-    lost = ", ".join(f"{1e3 * survival(modes):.0f} ms at N = {modes}" for modes in (1, 2, 4))
-    section.say(f"Without hub inertia it diverges in this motion: after {lost}.")
-    history = eq14_history(PlantParameters(model="eq14", modes=1, hub_inertia=(8.0, 8.0)))
-    figure, axis = new_figure("Free motion of eq14, N = 1, hubs of 8 kg m²", (6.5, 3.0))
+        plant = PlantParameters(model='eq14', modes=modes, hub_inertia=(8.0, 8.0))
+        rows.append([modes, *(f'{value:.3f}' for value in eq14_drift(plant))])
+    section.table(['N', 'energy', 'momentum'], rows)
+    lost = ', '.join(f'{1e3 * survival(modes):.0f} ms at N = {modes}' for modes in (1, 2, 4))
+    section.say(f'Without hub inertia it diverges in this motion: after {lost}.')
+    history = eq14_history(PlantParameters(model='eq14', modes=1, hub_inertia=(8.0, 8.0)))
+    figure, axis = new_figure('Free motion of eq14, N = 1, hubs of 8 kg m²', (6.5, 3.0))
     times = 1e-3 * np.arange(len(history))
-    for column, (name, color) in enumerate((("energy", BLUE), ("momentum", ORANGE))):
+    for column, (name, color) in enumerate((('energy', BLUE), ('momentum', ORANGE))):
         axis.plot(times, 100.0 * history[:, column], color=color, label=name)
     axis.axhline(0.0, color=GREY, linewidth=0.8)
-    axis.set_xlabel("time, s")
-    axis.set_ylabel("change, %")
+    axis.set_xlabel('time, s')
+    axis.set_ylabel('change, %')
     axis.legend()
-    section.picture("eq14", figure, "Energy and momentum of eq14 in free motion")
+    section.picture('eq14', figure, 'Energy and momentum of eq14 in free motion')

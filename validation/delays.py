@@ -1,14 +1,27 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The two delay lines, ``buffer`` and ``pade2``, against their closed forms."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from flexarm_ros.core.delay import BufferDelay, PadeDelay
+import numpy as np
 from validation.motion import Array
-from validation.pictures import BLUE, GREY, ORANGE, new_figure
+from validation.pictures import BLUE, GREY, new_figure, ORANGE
 from validation.report import Section
 
 LATENCY = 0.0312
@@ -47,7 +60,7 @@ def step_errors() -> dict[str, float]:
     pade = (pade_ramp(times) - pade_ramp(times - PERIOD)) / PERIOD
     pure = np.clip((times - LATENCY) / PERIOD, 0.0, 1.0)
     lines: dict[str, tuple[Line, Array]] = {
-        "buffer": (BufferDelay, pure), "pade2": (PadeDelay, pade)
+        'buffer': (BufferDelay, pure), 'pade2': (PadeDelay, pade)
     }  # fmt: skip
     return {
         name: float(np.abs(through(line, step) - exact).max())
@@ -73,15 +86,15 @@ def response(line: Line, omega: float, period: float = 1e-4) -> complex:
 
 def run() -> Section:
     """Compute the tables and the picture."""
-    section = Section("Delay lines")
+    section = Section('Delay lines')
     errors = step_errors()
     worst = max(errors.values())
     section.goal(
-        "Step response of `buffer` and `pade2` against the closed forms", f"{worst:.1e}",
-        f"{LIMIT:g}", worst < LIMIT,
+        'Step response of `buffer` and `pade2` against the closed forms', f'{worst:.1e}',
+        f'{LIMIT:g}', worst < LIMIT,
     )  # fmt: skip
     section.say(
-        f"A sine through a delay of {1e3 * LATENCY:g} ms at 10 kHz: gain and phase (rad) as "
+        f'A sine through a delay of {1e3 * LATENCY:g} ms at 10 kHz: gain and phase (rad) as '
         "measured, error against each line's closed form, and how far `pade2` is from a true delay:"
     )
     rows, worst = [], 0.0
@@ -91,23 +104,23 @@ def run() -> Section:
         apart = max(abs(pure - exact), abs(pade - pade_transfer(omega)))
         worst = max(worst, apart)
         away = float(np.angle(pade_transfer(omega) / exact))
-        cells = (f"{abs(z):.6f}, {np.angle(z):.4f}" for z in (pure, pade))
-        rows.append([f"{omega:g}", *cells, f"{apart:.1e}", f"{away:.4f}"])
+        cells = (f'{abs(z):.6f}, {np.angle(z):.4f}' for z in (pure, pade))
+        rows.append([f'{omega:g}', *cells, f'{apart:.1e}', f'{away:.4f}'])
     section.table(
-        ["rad/s", "`buffer`", "`pade2`", "largest error", "phase of `pade2` ahead, rad"], rows
+        ['rad/s', '`buffer`', '`pade2`', 'largest error', 'phase of `pade2` ahead, rad'], rows
     )
     section.goal(
-        "Frequency response of both against the closed forms, 2 to 150 rad/s", f"{worst:.1e}",
-        f"{RESPONSE_LIMIT:g}", worst < RESPONSE_LIMIT,
+        'Frequency response of both against the closed forms, 2 to 150 rad/s', f'{worst:.1e}',
+        f'{RESPONSE_LIMIT:g}', worst < RESPONSE_LIMIT,
     )  # fmt: skip
     times = PERIOD * np.arange(120)
     step = (times > 0.0).astype(float)
-    figure, axis = new_figure("A step through both", (6.0, 3.0))
-    for line, color, name in ((BufferDelay, BLUE, "buffer"), (PadeDelay, ORANGE, "pade2")):
+    figure, axis = new_figure('A step through both', (6.0, 3.0))
+    for line, color, name in ((BufferDelay, BLUE, 'buffer'), (PadeDelay, ORANGE, 'pade2')):
         axis.plot(1e3 * times, through(line, step), color=color, label=name)
-    axis.axvline(1e3 * LATENCY, color=GREY, linewidth=0.8, linestyle=":")
-    axis.set_xlabel("time after the step, ms")
-    axis.set_ylabel("output")
+    axis.axvline(1e3 * LATENCY, color=GREY, linewidth=0.8, linestyle=':')
+    axis.set_xlabel('time after the step, ms')
+    axis.set_ylabel('output')
     axis.legend()
-    section.picture("delays", figure, "Step response of the two delay lines for 31.2 ms")
+    section.picture('delays', figure, 'Step response of the two delay lines for 31.2 ms')
     return section

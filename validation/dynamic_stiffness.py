@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Exact natural frequencies of the two-link arm by its dynamic stiffness matrix.
 
 Independent of the package: each link is the exact solution of the
@@ -13,8 +27,8 @@ where link 2 follows as a rigid (inextensible) body.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +52,9 @@ class Chain:
 def clamped_roots(count: int) -> list[float]:
     """Return the first roots of cos(z) cosh(z) = 1."""
     return [
-        brentq(lambda z: math.cos(z) - 1.0 / math.cosh(z), (i + 1.2) * math.pi, (i + 1.8) * math.pi)
+        brentq(
+            lambda z: math.cos(z) - 1.0 / math.cosh(z), (i + 1.2) * math.pi, (i + 1.8) * math.pi
+        )
         for i in range(count)
     ]
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The same arm in Exudyn: planar ANCF cable elements, geometrically exact bending.
 
 Exudyn (PyPI ``exudyn``) is wanted here and in one test only.  Its cables can
@@ -17,7 +31,6 @@ from typing import Any
 import exudyn as exu
 import exudyn.itemInterface as items
 import numpy as np
-
 from validation.motion import Array, Case
 
 LENGTH, DENSITY, RIGIDITY = 4.5, 0.335, 1676.0
@@ -142,8 +155,8 @@ def _payload(system: Any, tip: Any, mass: float) -> None:
     reference = system.GetNode(tip)
     node = system.AddNode(
         items.NodePoint2D(
-            referenceCoordinates=list(reference["referenceCoordinates"][:2]),
-            initialVelocities=list(reference["initialVelocities"][:2]),
+            referenceCoordinates=list(reference['referenceCoordinates'][:2]),
+            initialVelocities=list(reference['initialVelocities'][:2]),
         )
     )
     system.AddObject(items.MassPoint2D(mass=mass, nodeNumber=node))
@@ -156,7 +169,9 @@ def _torques(system: Any, links: list[list[Any]], case: Case) -> None:
     for node, joint, sign in places:
         marker = system.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
 
-        def torque(mbs: Any, time: float, load: Any, joint: int = joint, sign: float = sign) -> Any:
+        def torque(
+            mbs: Any, time: float, load: Any, joint: int = joint, sign: float = sign
+        ) -> Any:
             return [0.0, 0.0, sign * case.torque(time)[joint]]
 
         system.AddLoad(
@@ -169,7 +184,7 @@ def _torques(system: Any, links: list[list[Any]], case: Case) -> None:
 def _measure(system: Any, links: list[list[Any]]) -> list[float]:
     def place(node: Any) -> Array:
         moved = system.GetNodeOutput(node, exu.OutputVariableType.Coordinates)
-        return np.asarray(moved) + np.asarray(system.GetNode(node)["referenceCoordinates"])
+        return np.asarray(moved) + np.asarray(system.GetNode(node)['referenceCoordinates'])
 
     (shoulder, end), (elbow, tip) = ((place(nodes[0]), place(nodes[-1])) for nodes in links)
     angles = [float(np.arctan2(p[3], p[2])) for p in (shoulder, end, elbow)]

@@ -1,15 +1,28 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The integrator: order, steps a tick, and what a tick costs."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 import time
-from dataclasses import replace
-
-import numpy as np
 
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant import STABLE_PHASE, highest_frequency
+from flexarm_ros.core.plant import highest_frequency, STABLE_PHASE
+import numpy as np
 from validation.motion import Array, full_plant, start
 from validation.report import Section
 
@@ -49,28 +62,28 @@ def cost(plant: PlantParameters) -> tuple[int, float]:
 
 def run() -> Section:
     """Compute the tables."""
-    section = Section("Integrator")
+    section = Section('Integrator')
     found = {
         model: orders(full_plant(modes=2, model=model, hub_inertia=(2.0, 2.0)))
-        for model in ("eq14", "full")
+        for model in ('eq14', 'full')
     }
     section.say(
-        "Observed order when the step is halved twice, N = 2, 0.2 s of a bent arm under torques: "
-        + "; ".join(
-            f"`{name}` " + ", ".join(f"{order:.2f}" for order in values)
+        'Observed order when the step is halved twice, N = 2, 0.2 s of a bent arm under torques: '
+        + '; '.join(
+            f'`{name}` ' + ', '.join(f'{order:.2f}' for order in values)
             for name, values in found.items()
         )
-        + "."
+        + '.'
     )
     worst = max(abs(order - 4.0) for values in found.values() for order in values)
-    section.goal("Order of the integrator, distance from 4", f"{worst:.2f}", "0.25", worst < 0.25)
+    section.goal('Order of the integrator, distance from 4', f'{worst:.2f}', '0.25', worst < 0.25)
     section.say(
-        "Cost of a tick of 1 ms: highest frequency (rad/s), Runge-Kutta steps, CPU time "
-        "(us; the best of 20 batches, on whatever core ran this), and the fewest steps that "
-        f"`plant.substeps` may ask for (a phase of {STABLE_PHASE:g} rad a step):"
+        'Cost of a tick of 1 ms: highest frequency (rad/s), Runge-Kutta steps, CPU time '
+        '(us; the best of 20 batches, on whatever core ran this), and the fewest steps that '
+        f'`plant.substeps` may ask for (a phase of {STABLE_PHASE:g} rad a step):'
     )
     rows, dearest = [], 0.0
-    for model in ("eq14", "full"):
+    for model in ('eq14', 'full'):
         for hub in (0.0, 8.0):
             for modes in range(1, 7):
                 plant = full_plant(model=model, modes=modes, hub_inertia=(hub, hub))
@@ -79,12 +92,12 @@ def run() -> Section:
                 dearest = max(dearest, micros)
                 least = max(1, math.ceil(highest * PERIOD / STABLE_PHASE))
                 rows.append(
-                    [f"`{model}`", f"{hub:g}", modes, f"{highest:.0f}", steps, f"{micros:.0f}",
+                    [f'`{model}`', f'{hub:g}', modes, f'{highest:.0f}', steps, f'{micros:.0f}',
                      least]
                 )  # fmt: skip
-    section.table(["model", "hub, kg m^2", "N", "highest", "steps", "CPU time", "fewest"], rows)
+    section.table(['model', 'hub, kg m^2', 'N', 'highest', 'steps', 'CPU time', 'fewest'], rows)
     section.goal(
-        "Dearest tick of 1 ms, so that explicit steps are not too small", f"{dearest:.0f} us",
-        "1000 us", dearest < 1000.0,
+        'Dearest tick of 1 ms, so that explicit steps are not too small', f'{dearest:.0f} us',
+        '1000 us', dearest < 1000.0,
     )  # fmt: skip
     return section

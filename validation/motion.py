@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Motions of the plant by itself: torques given, states out."""
 
 from __future__ import annotations
@@ -5,17 +19,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import PlantParameters, RunConfig, RunParameters
-from flexarm_ros.core.plant import Plant, make_plant
+from flexarm_ros.core.plant import make_plant, Plant
+import numpy as np
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Torque = Callable[[float], tuple[float, float]]
 
-COLUMNS = ("theta1", "theta2", "tip_x", "tip_y", "defl1", "defl2")
+COLUMNS = ('theta1', 'theta2', 'tip_x', 'tip_y', 'defl1', 'defl2')
 """Columns of a motion after the time: rad, rad, m, m, m, m."""
 
 
@@ -26,7 +39,7 @@ def no_torque(time: float) -> tuple[float, float]:
 
 def full_plant(**keys: object) -> PlantParameters:
     """Return the parameters of a full model without hub inertia, and other keys."""
-    given: dict[str, object] = {"model": "full", "hub_inertia": (0.0, 0.0)}
+    given: dict[str, object] = {'model': 'full', 'hub_inertia': (0.0, 0.0)}
     return PlantParameters(**{**given, **keys})  # type: ignore[arg-type]
 
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The nonminimum-phase response: a torque step at the shoulder with the elbow held.
 
 Everything is linear: the arm about straight links, elbow locked.  The response
@@ -8,17 +22,16 @@ across the arm.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-
-import numpy as np
-from scipy.linalg import eig, eigh
-from scipy.optimize import brentq
+import math
 
 from flexarm_ros.core.modes import LinearArm, linearise
 from flexarm_ros.core.parameters import RunConfig
+import numpy as np
+from scipy.linalg import eig, eigh
+from scipy.optimize import brentq
 from validation.motion import Array, full_plant
-from validation.pictures import BLUE, GREEN, ORANGE, PURPLE, new_figure
+from validation.pictures import BLUE, GREEN, new_figure, ORANGE, PURPLE
 from validation.report import Section
 
 WAVE_SPEED = 288.33
@@ -124,9 +137,9 @@ def exact_real_zero(location: float, length: float = 9.0) -> float:
 
 def _zero(value: complex) -> str:
     return (
-        f"{value.real:.1f}"
+        f'{value.real:.1f}'
         if abs(value.imag) < 1e-6 * abs(value)
-        else (f"{value.real:.0f} +- {value.imag:.0f}i")
+        else (f'{value.real:.0f} +- {value.imag:.0f}i')
     )
 
 
@@ -152,7 +165,7 @@ def paper_misfit(hub: float, location: float, until: float) -> tuple[float, floa
 
 def run() -> Section:
     """Compute the tables and the pictures."""
-    section = Section("Nonminimum-phase response")
+    section = Section('Nonminimum-phase response')
     for hub in (0.0, 8.0):
         _table(section, hub)
     _judge(section)
@@ -166,9 +179,9 @@ def run() -> Section:
     for hub in (0.0, 8.0):
         for until in (0.1, 0.3, 1.0):
             late, prompt = paper_misfit(hub, 9.0, until)
-            rows.append([f"{hub:g}", until, f"{100.0 * late:.0f} %", f"{100.0 * prompt:.0f} %"])
+            rows.append([f'{hub:g}', until, f'{100.0 * late:.0f} %', f'{100.0 * prompt:.0f} %'])
     section.table(
-        ["hub, kg m^2", "first ... s", "rigid arm, 31.2 ms late", "rigid arm, not delayed"], rows
+        ['hub, kg m^2', 'first ... s', 'rigid arm, 31.2 ms late', 'rigid arm, not delayed'], rows
     )
     return section
 
@@ -176,9 +189,9 @@ def run() -> Section:
 def _table(section: Section, hub: float) -> None:
     arm, coarse = held(hub), held(hub, 4)
     section.say(
-        f"Step of 1 N m at the shoulder, elbow held straight, hub {hub:g} kg m^2, N = 6 "
-        "(N = 4): depth of the reversal, time until the point is above 0 for good, zeros in "
-        "the right half plane (nearest three), the lowest real one of the exact beam, and the "
+        f'Step of 1 N m at the shoulder, elbow held straight, hub {hub:g} kg m^2, N = 6 '
+        '(N = 4): depth of the reversal, time until the point is above 0 for good, zeros in '
+        'the right half plane (nearest three), the lowest real one of the exact beam, and the '
         "paper's delay:"
     )
     rows = []
@@ -189,16 +202,16 @@ def _table(section: Section, hub: float) -> None:
         rows.append(
             [
                 location,
-                f"{1e3 * fine.depth:.4f}",
-                f"{1e3 * fine.time:.1f} ({1e3 * rough.time:.1f})",
-                "; ".join(_zero(zero) for zero in zeros) or "none",
-                f"{exact_real_zero(location):.2f}",
-                f"{1e3 * delay:.1f}",
-                f"{fine.time / delay:.1f}",
+                f'{1e3 * fine.depth:.4f}',
+                f'{1e3 * fine.time:.1f} ({1e3 * rough.time:.1f})',
+                '; '.join(_zero(zero) for zero in zeros) or 'none',
+                f'{exact_real_zero(location):.2f}',
+                f'{1e3 * delay:.1f}',
+                f'{fine.time / delay:.1f}',
             ]
         )
     section.table(
-        ["location, m", "depth, mm", "time, ms", "zeros, rad/s", "exact", "delay, ms", "ratio"],
+        ['location, m', 'depth, mm', 'time, ms', 'zeros, rad/s', 'exact', 'delay, ms', 'ratio'],
         rows,
     )
 
@@ -210,44 +223,46 @@ def _judge(section: Section) -> None:
             for hub in (0.0, 8.0)
             for place in places
         )
-        where = "at 6.75 and 9 m" if modes == 4 else "from 4.5 to 9 m"
+        where = 'at 6.75 and 9 m' if modes == 4 else 'from 4.5 to 9 m'
         section.goal(
-            f"Lowest real zero, N = {modes}, sensor {where}, against the exact beam",
-            f"{error:.2%}", "1 %", error < 0.01,
+            f'Lowest real zero, N = {modes}, sensor {where}, against the exact beam',
+            f'{error:.2%}', '1 %', error < 0.01,
         )  # fmt: skip
 
 
 def _draw_steps(section: Section) -> None:
     arm, times = held(8.0), np.arange(0.0, 0.5, 1e-4)
-    figure, axis = new_figure("Step of 1 N m at the shoulder, hub 8 kg m²")
+    figure, axis = new_figure('Step of 1 N m at the shoulder, hub 8 kg m²')
     for location, color in ((4.5, GREEN), (6.75, BLUE), (9.0, ORANGE)):
         height = 1e3 * step_response(arm, location, times)
-        axis.plot(1e3 * times, height, color=color, label=f"{location:g} m")
+        axis.plot(1e3 * times, height, color=color, label=f'{location:g} m')
     late = 1e3 * rigid_height(arm, 9.0, times - 9.0 / WAVE_SPEED)
-    axis.plot(1e3 * times, late, "--", color=ORANGE, label="9 m, rigid, 31.2 ms late")
+    axis.plot(1e3 * times, late, '--', color=ORANGE, label='9 m, rigid, 31.2 ms late')
     axis.set_ylim(-2.0, 6.0)
-    axis.set_xlabel("time, ms")
-    axis.set_ylabel("height, mm")
+    axis.set_xlabel('time, ms')
+    axis.set_ylabel('height, mm')
     axis.legend()
     section.picture(
-        "steps", figure, "Heights of three points of the arm after a step of torque at the shoulder"
+        'steps',
+        figure,
+        'Heights of three points of the arm after a step of torque at the shoulder',
     )
 
 
 def _draw_places(section: Section) -> None:
     places = np.arange(4.5, 9.01, 0.1)
-    figure, axis = new_figure("Until a point moves the right way for good")
+    figure, axis = new_figure('Until a point moves the right way for good')
     for hub, color in ((0.0, BLUE), (8.0, GREEN)):
         arm = held(hub)
         times = [1e3 * reversal(arm, float(place), 1e-4).time for place in places]
-        axis.plot(places, times, color=color, label=f"the arm, hub {hub:g} kg m²")
+        axis.plot(places, times, color=color, label=f'the arm, hub {hub:g} kg m²')
     zeros = [1e3 / exact_real_zero(float(place)) for place in places]
-    axis.plot(places, zeros, "-.", color=PURPLE, label="1 / lowest real zero")
+    axis.plot(places, zeros, '-.', color=PURPLE, label='1 / lowest real zero')
     delay = 1e3 * places / WAVE_SPEED
-    axis.plot(places, delay, "--", color=ORANGE, label="the paper's delay, distance / 288.33 m/s")
-    axis.set_xlabel("place of the point along the arm, m")
-    axis.set_ylabel("ms")
+    axis.plot(places, delay, '--', color=ORANGE, label="the paper's delay, distance / 288.33 m/s")
+    axis.set_xlabel('place of the point along the arm, m')
+    axis.set_ylabel('ms')
     axis.legend()
     section.picture(
-        "reversal", figure, "Time of the reversal along the arm against the paper's delay"
+        'reversal', figure, "Time of the reversal along the arm against the paper's delay"
     )

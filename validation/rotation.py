@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A link that turns at a steady rate: the stiffening by its own centrifugal tension.
 
 Published: Wright, Smith, Thresher and Wang, "Vibration modes of centrifugally
@@ -11,12 +25,11 @@ from __future__ import annotations
 
 import math
 
+from flexarm_ros.core.plant_full_dynamics import make_work, mass_and_bias
+from flexarm_ros.core.plant_full_model import make_constants, MODAL, STIFFNESS
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import eigh
-
-from flexarm_ros.core.plant_full_dynamics import make_work, mass_and_bias
-from flexarm_ros.core.plant_full_model import MODAL, STIFFNESS, make_constants
 from validation.motion import Array, full_plant
 from validation.report import Section
 
@@ -55,9 +68,9 @@ def ritz(speed: float, count: int = 20) -> Array:
             rows.append(legendre.legval(nodes, series))
         shapes.append(rows)
     phi, slope, bent = (np.array(rows) for rows in shapes)
-    mass = np.einsum("q,iq,jq->ij", weights, phi, phi)
-    stiffness = np.einsum("q,iq,jq->ij", weights, bent, bent) - speed**2 * mass
-    stiffness += speed**2 * np.einsum("q,iq,jq->ij", 0.5 * weights * (1.0 - xi**2), slope, slope)
+    mass = np.einsum('q,iq,jq->ij', weights, phi, phi)
+    stiffness = np.einsum('q,iq,jq->ij', weights, bent, bent) - speed**2 * mass
+    stiffness += speed**2 * np.einsum('q,iq,jq->ij', 0.5 * weights * (1.0 - xi**2), slope, slope)
     return np.asarray(np.sqrt(eigh(stiffness, mass, eigvals_only=True)[:3]))
 
 
@@ -69,7 +82,7 @@ def lead_lag(speed: float, modes: int, foreshortening: bool = True) -> Array:
     foreshortening only -W^2 times the mass would be left of it.
     """
     plant = full_plant(
-        modes=modes, basis="craig_bampton", length=(4.5, 0.01), mass_density=(0.335, 1e-9)
+        modes=modes, basis='craig_bampton', length=(4.5, 0.01), mass_density=(0.335, 1e-9)
     )
     constants, unit = make_constants(plant), math.sqrt(1676.0 / 0.335) / 4.5**2
     size, rate = 2 + 2 * modes, speed * unit
@@ -94,17 +107,17 @@ def lead_lag(speed: float, modes: int, foreshortening: bool = True) -> Array:
 
 def run() -> Section:
     """Compute the table."""
-    section = Section("A link that rotates")
+    section = Section('A link that rotates')
     rows, worst = [], 0.0
     for speed in FLAPPING:
         found, wrong = lead_lag(speed, 6), lead_lag(speed, 6, foreshortening=False)
         worst = max(worst, float(np.max(np.abs(found / published(speed) - 1.0))))
-        first = f"{wrong[0]:.3f}" if wrong[0] > 0.0 else f"unstable, exp({-wrong[0]:.2f} t)"
-        cells = (", ".join(f"{value:.3f}" for value in row) for row in (published(speed), found))
-        rows.append([f"{speed:g}", *cells, first])
-    section.table(["speed", "published", "`full`, N = 6", "first without foreshortening"], rows)
+        first = f'{wrong[0]:.3f}' if wrong[0] > 0.0 else f'unstable, exp({-wrong[0]:.2f} t)'
+        cells = (', '.join(f'{value:.3f}' for value in row) for row in (published(speed), found))
+        rows.append([f'{speed:g}', *cells, first])
+    section.table(['speed', 'published', '`full`, N = 6', 'first without foreshortening'], rows)
     section.goal(
-        "Rotating cantilever, published frequencies up to 12 times the unit speed",
-        f"{worst:.2%}", "0.5 %", worst < LIMIT,
+        'Rotating cantilever, published frequencies up to 12 times the unit speed',
+        f'{worst:.2%}', '0.5 %', worst < LIMIT,
     )  # fmt: skip
     return section

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Pictures of runs for papers, PNG and SVG, in the manner of the paper's Figures 5 to 8.
 
 Matplotlib is imported when a picture is made, and without pyplot: no display, no state
@@ -10,26 +24,25 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flexarm_ros.analysis.figures_corners import corner_figure
 from flexarm_ros.analysis.figures_style import (
     BLACK,
     GREY,
-    SETTINGS,
-    Panel,
-    Style,
     group_switches,
     line,
     new_figure,
+    Panel,
     panel_title,
     panels,
     save,
+    SETTINGS,
+    Style,
     styled,
     wrap,
 )
-from flexarm_ros.analysis.report_runs import Run, load_run
+from flexarm_ros.analysis.report_runs import load_run, Run
 from flexarm_ros.core.compiled import FloatArray
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,17 +63,17 @@ def write_figures(run_dirs: Sequence[Path], out: Path) -> list[Path]:
     out.mkdir(parents=True, exist_ok=True)
     groups = panels(runs)
     with matplotlib.rc_context(SETTINGS):
-        written = save(path_figure(groups), out, "paths")
+        written = save(path_figure(groups), out, 'paths')
         if any(run.switches() for run in runs):
-            written += save(corner_figure(groups), out, "corners")
+            written += save(corner_figure(groups), out, 'corners')
         for group in groups:
-            stem = "signals" if len(groups) == 1 else f"signals_{group.slug}"
+            stem = 'signals' if len(groups) == 1 else f'signals_{group.slug}'
             written += save(signal_figure(group), out, stem)
-        if any(run.law == "fls" for run in runs):
+        if any(run.law == 'fls' for run in runs):
             from flexarm_ros.analysis.figures_fls import fls_figure
 
-            fuzzy = next(group for group in groups if group.law == "fls")
-            written += save(fls_figure(fuzzy.runs), out, "fls")
+            fuzzy = next(group for group in groups if group.law == 'fls')
+            written += save(fls_figure(fuzzy.runs), out, 'fls')
         if len(groups) > 1:
             from flexarm_ros.analysis.figures_paper import paper_figures
 
@@ -86,61 +99,61 @@ def _draw_paths(axis: Axes, group: Panel) -> None:
     first = group.runs[0]
     _reference(axis, group)
     for run, style, label in styled(group):
-        line(axis, run.columns["rigid_x"], run.columns["rigid_y"], style, wrap(label))
+        line(axis, run.columns['rigid_x'], run.columns['rigid_y'], style, wrap(label))
     if len(group.runs) == 1:
         columns = first.columns
-        style = Style(GREY, ":", 0.9)
-        line(axis, columns["tip_x"], columns["tip_y"], style, "tip, with deflection")
-    axis.plot(0.0, 0.0, "+", color=BLACK, markersize=9)
-    axis.annotate("base", (0.0, 0.0), (0, -7), textcoords="offset points", ha="center", va="top")
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.set(xlabel="x, m", ylabel="y, m", title=panel_title(group))
-    axis.legend(loc="center", bbox_to_anchor=(0.5, 0.68))
+        style = Style(GREY, ':', 0.9)
+        line(axis, columns['tip_x'], columns['tip_y'], style, 'tip, with deflection')
+    axis.plot(0.0, 0.0, '+', color=BLACK, markersize=9)
+    axis.annotate('base', (0.0, 0.0), (0, -7), textcoords='offset points', ha='center', va='top')
+    axis.set_aspect('equal', adjustable='datalim')
+    axis.set(xlabel='x, m', ylabel='y, m', title=panel_title(group))
+    axis.legend(loc='center', bbox_to_anchor=(0.5, 0.68))
 
 
 def _reference(axis: Axes, group: Panel) -> None:
     """Draw the longest reference of a group, with its start and its direction."""
     run = max(group.runs, key=lambda run: run.rows)
-    x, y = run.columns["ref_x"], run.columns["ref_y"]
-    axis.plot(x, y, color=BLACK, linewidth=0.8, linestyle=(0, (6, 3)), label="reference")
+    x, y = run.columns['ref_x'], run.columns['ref_y']
+    axis.plot(x, y, color=BLACK, linewidth=0.8, linestyle=(0, (6, 3)), label='reference')
     if not run.rows:
         return
-    axis.plot(x[0], y[0], "o", color=BLACK, markersize=4, label="start")
+    axis.plot(x[0], y[0], 'o', color=BLACK, markersize=4, label='start')
     half_side = (run.switches() or [0.0])[0] / 2.0
-    middle = min(run.rows - 1, int(np.searchsorted(run.columns["t"], half_side)))
+    middle = min(run.rows - 1, int(np.searchsorted(run.columns['t'], half_side)))
     ahead = min(run.rows - 1, middle + 1)
     dx, dy = x[ahead] - x[middle], y[ahead] - y[middle]
     length = float(np.hypot(dx, dy))
     if np.isfinite(length) and length > 0.0:
         axis.annotate(
-            "", (x[middle] + 0.5 * dx / length, y[middle] + 0.5 * dy / length),
-            (x[middle], y[middle]), arrowprops={"arrowstyle": "-|>", "color": BLACK},
+            '', (x[middle] + 0.5 * dx / length, y[middle] + 0.5 * dy / length),
+            (x[middle], y[middle]), arrowprops={'arrowstyle': '-|>', 'color': BLACK},
         )  # fmt: skip
 
 
 def signal_figure(group: Panel) -> Figure:
     """Return error, deflections, torques and lambda over time, the runs of a group overlaid."""
     rows: list[tuple[str, Callable[[Run], FloatArray]]] = [
-        ("tracking error, m", Run.error),
-        (r"deflection $\delta_1$, m", lambda run: run.columns["delta1"]),
-        (r"deflection $\delta_2$, m", lambda run: run.columns["delta2"]),
-        (r"torque $\tau_1$, N m", lambda run: run.columns["tau1"]),
-        (r"torque $\tau_2$, N m", lambda run: run.columns["tau2"]),
+        ('tracking error, m', Run.error),
+        (r'deflection $\delta_1$, m', lambda run: run.columns['delta1']),
+        (r'deflection $\delta_2$, m', lambda run: run.columns['delta2']),
+        (r'torque $\tau_1$, N m', lambda run: run.columns['tau1']),
+        (r'torque $\tau_2$, N m', lambda run: run.columns['tau2']),
     ]
-    if any(np.isfinite(run.columns["lambda"]).any() for run in group.runs):
-        rows.append((r"gain $\lambda$", lambda run: run.columns["lambda"]))
+    if any(np.isfinite(run.columns['lambda']).any() for run in group.runs):
+        rows.append((r'gain $\lambda$', lambda run: run.columns['lambda']))
     figure = new_figure(7.4, 1.35 * len(rows) + 0.9)
     axes = figure.subplots(len(rows), 1, sharex=True)
     for axis, (name, values) in zip(axes, rows, strict=True):
         for time in group_switches(group):
-            axis.axvline(time, color=GREY, linewidth=0.7, linestyle=":")
+            axis.axvline(time, color=GREY, linewidth=0.7, linestyle=':')
         for run, style, label in styled(group):
-            line(axis, run.columns["t"], values(run), style, label)
+            line(axis, run.columns['t'], values(run), style, label)
         axis.set_ylabel(name)
-    axes[-1].set_xlabel("time, s  (dotted: the reference switches its direction)")
+    axes[-1].set_xlabel('time, s  (dotted: the reference switches its direction)')
     axes[0].set_title(panel_title(group))
     figure.align_ylabels(axes)
     if len(group.runs) > 1:
         columns = 3 if max(len(label) for _, _, label in styled(group)) < 24 else 1
-        axes[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.45), ncols=columns)
+        axes[-1].legend(loc='upper center', bbox_to_anchor=(0.5, -0.45), ncols=columns)
     return figure

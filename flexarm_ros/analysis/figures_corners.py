@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The transients where the reference switches its direction: the paper's Figures 6 and 8."""
 
 from __future__ import annotations
@@ -5,21 +19,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flexarm_ros.analysis.figures_style import (
+    between,
     BLACK,
     GREY,
-    Panel,
-    between,
     group_switches,
     line,
     new_figure,
+    Panel,
     panel_title,
     styled,
     wrap,
 )
 from flexarm_ros.analysis.report_runs import Run
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,15 +51,15 @@ def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) ->
     switches = [group_switches(group) for group in groups]
     if only is not None:
         figure = new_figure(3.9 * len(groups), 5.1)
-        figure.set_layout_engine("compressed")
+        figure.set_layout_engine('compressed')
         axes = figure.subplots(1, len(groups), squeeze=False)[0]
         for axis, group, index, times in zip(axes, groups, only, switches, strict=True):
             _draw_corner(axis, group, index, times[index])
-        axes[0].set_ylabel("y, m")
+        axes[0].set_ylabel('y, m')
         return figure
     columns = max(1, *(len(times) for times in switches))
     figure = new_figure(3.5 * columns, 4.7 * len(groups))
-    figure.set_layout_engine("compressed")
+    figure.set_layout_engine('compressed')
     grid = figure.subplots(len(groups), columns, squeeze=False)
     for row, (group, times) in enumerate(zip(groups, switches, strict=True)):
         for column in range(columns):
@@ -54,7 +67,7 @@ def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) ->
                 _draw_corner(grid[row, column], group, column, times[column])
             else:
                 grid[row, column].set_visible(False)
-        grid[row, 0].set_ylabel("y, m")
+        grid[row, 0].set_ylabel('y, m')
     return figure
 
 
@@ -63,24 +76,24 @@ def _draw_corner(axis: Axes, group: Panel, index: int, time: float) -> None:
     longest = max(group.runs, key=lambda run: run.rows)
     part = between(longest, time - 2.0, time + 2.0)
     axis.plot(
-        longest.columns["ref_x"][part], longest.columns["ref_y"][part],
+        longest.columns['ref_x'][part], longest.columns['ref_y'][part],
         color=BLACK, linewidth=0.8, linestyle=(0, (6, 3)),
     )  # fmt: skip
     for run, style, label in styled(group):
         overshoot = _overshoot(run, index)
-        text = wrap(label if overshoot is None else f"{label}: {overshoot:.3f} m")
+        text = wrap(label if overshoot is None else f'{label}: {overshoot:.3f} m')
         rows = between(run, time - 1.0, time + 2.0)
-        x, y = run.columns["rigid_x"][rows], run.columns["rigid_y"][rows]
+        x, y = run.columns['rigid_x'][rows], run.columns['rigid_y'][rows]
         line(axis, x, y, style, text)
     axis.set_box_aspect(1.0)  # with limits of one size this is an equal scale
     axis.set_xlim(low_x, high_x)
     axis.set_ylim(low_y, high_y)
-    axis.set(xlabel="x, m")
-    axis.set_title(f"{panel_title(group)}\nswitch {index + 1}, t = {time:g} s", fontsize=9)
+    axis.set(xlabel='x, m')
+    axis.set_title(f'{panel_title(group)}\nswitch {index + 1}, t = {time:g} s', fontsize=9)
     if len(group.runs) > 1:
         _draw_peak(axis, group, time)
     axis.legend(
-        title="overshoot", title_fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.17)
+        title='overshoot', title_fontsize=8, loc='upper center', bbox_to_anchor=(0.5, -0.17)
     )
 
 
@@ -89,9 +102,9 @@ def _corner_frame(group: Panel, time: float) -> tuple[float, float, float, float
     xs, ys = [], []
     for run in group.runs:
         rows = between(run, time - BEFORE, time + AFTER)
-        for name in ("rigid", "ref"):
-            xs.append(run.columns[f"{name}_x"][rows])
-            ys.append(run.columns[f"{name}_y"][rows])
+        for name in ('rigid', 'ref'):
+            xs.append(run.columns[f'{name}_x'][rows])
+            ys.append(run.columns[f'{name}_y'][rows])
     x, y = np.concatenate(xs), np.concatenate(ys)
     x, y = x[np.isfinite(x)], y[np.isfinite(y)]
     if not len(x) or not len(y):
@@ -118,13 +131,13 @@ def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
     inset = axis.inset_axes((left, bottom, 0.42, 0.42))
     for run, style, _ in styled(group):
         rows = between(run, time, time + AFTER)
-        line(inset, run.columns["rigid_x"][rows], run.columns["rigid_y"][rows], style, "")
+        line(inset, run.columns['rigid_x'][rows], run.columns['rigid_y'][rows], style, '')
     inset.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
     inset.set_xticks([])
     inset.set_yticks([])
     width = 2e3 * half
-    text = f"{width:.0f} mm wide" if width >= 10.0 else f"{width:.1f} mm wide"
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+    text = f'{width:.0f} mm wide' if width >= 10.0 else f'{width:.1f} mm wide'
+    box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0}
     inset.text(0.04, 0.05, text, fontsize=7, transform=inset.transAxes, bbox=box)
     for spine in inset.spines.values():
         spine.set_visible(True)
@@ -138,20 +151,20 @@ def _peak(run: Run, time: float) -> tuple[float, float, float] | None:
     if corner < 1 or rows.stop - corner < 2:
         return None
     c = run.columns
-    along_x = c["ref_x"][corner] - c["ref_x"][corner - 1]
-    along_y = c["ref_y"][corner] - c["ref_y"][corner - 1]
-    past = (c["rigid_x"][rows] - c["ref_x"][corner]) * along_x
-    past += (c["rigid_y"][rows] - c["ref_y"][corner]) * along_y
+    along_x = c['ref_x'][corner] - c['ref_x'][corner - 1]
+    along_y = c['ref_y'][corner] - c['ref_y'][corner - 1]
+    past = (c['rigid_x'][rows] - c['ref_x'][corner]) * along_x
+    past += (c['rigid_y'][rows] - c['ref_y'][corner]) * along_y
     length = float(np.hypot(along_x, along_y))
     if not np.isfinite(past).any() or length == 0.0:
         return None
     best = int(np.nanargmax(past))
-    x, y = c["rigid_x"][corner + best], c["rigid_y"][corner + best]
+    x, y = c['rigid_x'][corner + best], c['rigid_y'][corner + best]
     return float(x), float(y), float(past[best]) / length
 
 
 def _overshoot(run: Run, index: int) -> float | None:
-    values = run.summary.get("overshoot")
+    values = run.summary.get('overshoot')
     if not isinstance(values, list) or index >= len(values):
         return None
     return values[index] if isinstance(values[index], float) else None

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The fuzzy logic system as pictures: membership functions and the surface of lambda."""
 
 from __future__ import annotations
@@ -5,22 +19,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flexarm_ros.analysis.figures_style import (
     BLACK,
     BLUE,
     GREEN,
     GREY,
-    ORANGE,
     new_figure,
+    ORANGE,
     styles,
     wrap,
 )
-from flexarm_ros.analysis.report_runs import Run, labels, number
+from flexarm_ros.analysis.report_runs import labels, number, Run
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.fls import fls_lambda
 from flexarm_ros.core.fls_definition import INPUT_SETS, OUTPUT_SETS
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,8 +53,8 @@ def lambda_grid(inputs: FloatArray) -> FloatArray:
 def gain_kn(runs: Sequence[Run]) -> float:
     """Return K_n, m, of the first fuzzy run."""
     for run in runs:
-        value = number(run.value("controller", "kn"))
-        if run.law == "fls" and value is not None and value > 0.0:
+        value = number(run.value('controller', 'kn'))
+        if run.law == 'fls' and value is not None and value > 0.0:
             return value
     return DEFAULT_KN
 
@@ -61,7 +74,7 @@ def sets_figure(which: str, kn: float) -> Figure:
     """Return the paper's Figure 2 (``which``: ``inputs``) or Figure 3 (``output``)."""
     figure = new_figure(4.8, 3.4)
     axis = figure.add_subplot()
-    if which == "inputs":
+    if which == 'inputs':
         _draw_inputs(axis, kn)
     else:
         _draw_output(axis)
@@ -70,24 +83,24 @@ def sets_figure(which: str, kn: float) -> Figure:
 
 def _draw_inputs(axis: Axes, kn: float) -> None:
     _draw_sets(axis, INPUT_SETS, kn)
-    axis.set(title="Inputs", xlabel=r"deflection $\delta_1$ or $\delta_2$, m")
+    axis.set(title='Inputs', xlabel=r'deflection $\delta_1$ or $\delta_2$, m')
 
 
 def _draw_output(axis: Axes) -> None:
     _draw_sets(axis, OUTPUT_SETS, 1.0)
-    axis.set(title="Output", xlabel=r"gain $\lambda$")
+    axis.set(title='Output', xlabel=r'gain $\lambda$')
 
 
 def _draw_sets(axis: Axes, sets: Feet, scale: float) -> None:
     """Draw triangles given by left foot, peak and right foot."""
-    looks = ((BLUE, "-"), (GREEN, "--"), (ORANGE, "-."))
+    looks = ((BLUE, '-'), (GREEN, '--'), (ORANGE, '-.'))
     for (name, feet), (color, style) in zip(sets.items(), looks, strict=False):
         x = [foot * scale for foot in feet]
         axis.plot(x, (_at_foot(feet, 0), 1.0, _at_foot(feet, 2)), color=color, linestyle=style)
-        axis.annotate(name, (x[1], 1.0), (0, 4), textcoords="offset points", ha="center",
-                      color=color, fontweight="bold")  # fmt: skip
+        axis.annotate(name, (x[1], 1.0), (0, 4), textcoords='offset points', ha='center',
+                      color=color, fontweight='bold')  # fmt: skip
     axis.set_ylim(0.0, 1.12)
-    axis.set_ylabel("membership")
+    axis.set_ylabel('membership')
 
 
 def _at_foot(feet: tuple[float, float, float], end: int) -> float:
@@ -100,13 +113,15 @@ def _draw_surface(figure: Figure, kn: float) -> None:
 
     inputs = np.linspace(-1.0, 1.0, 41)
     x, y = np.meshgrid(inputs * kn, inputs * kn)
-    axis = figure.add_subplot(2, 2, 3, projection="3d")
+    axis = figure.add_subplot(2, 2, 3, projection='3d')
     axis.plot_surface(
-        x, y, lambda_grid(inputs), cmap="viridis", rcount=41, ccount=41, linewidth=0.15,
+        x, y, lambda_grid(inputs), cmap='viridis', rcount=41, ccount=41, linewidth=0.15,
         edgecolor=(0.0, 0.0, 0.0, 0.35),
     )  # fmt: skip
-    axis.set(xlabel=r"$\delta_1$, m", ylabel=r"$\delta_2$, m", zlabel=r"$\lambda$", zlim=(0.0, 1.0))
-    axis.set_title("Surface")
+    axis.set(
+        xlabel=r'$\delta_1$, m', ylabel=r'$\delta_2$, m', zlabel=r'$\lambda$', zlim=(0.0, 1.0)
+    )
+    axis.set_title('Surface')
     axis.view_init(elev=36.0, azim=-55.0)
     axis.set_box_aspect((1.0, 1.0, 0.7), zoom=1.0)
 
@@ -115,7 +130,7 @@ def _draw_map(axis: Axes, runs: Sequence[Run], kn: float) -> None:
     """Draw contours of lambda over the part of the universe that the runs use."""
     reach = 0.02 * kn
     for run in runs:
-        for name in ("delta1", "delta2"):
+        for name in ('delta1', 'delta2'):
             reach = max(reach, float(np.nanmax(np.abs(run.columns[name]), initial=0.0)))
     reach = min(kn, 1.1 * reach)
     inputs = np.linspace(-reach / kn, reach / kn, 81)
@@ -124,12 +139,12 @@ def _draw_map(axis: Axes, runs: Sequence[Run], kn: float) -> None:
     axis.clabel(contours, fontsize=7)
     for run, style, label in zip(runs, styles(runs), labels(runs), strict=True):
         axis.plot(
-            run.columns["delta1"], run.columns["delta2"], color=style.color,
+            run.columns['delta1'], run.columns['delta2'], color=style.color,
             linestyle=style.dashes, linewidth=0.9, label=wrap(label),
         )  # fmt: skip
-    axis.plot(0.0, 0.0, "+", color=BLACK)
-    axis.set(xlabel=r"$\delta_1$, m", ylabel=r"$\delta_2$, m")
-    axis.set_title(r"$\lambda$ where it was used")
-    axis.set_aspect("equal")
+    axis.plot(0.0, 0.0, '+', color=BLACK)
+    axis.set(xlabel=r'$\delta_1$, m', ylabel=r'$\delta_2$, m')
+    axis.set_title(r'$\lambda$ where it was used')
+    axis.set_aspect('equal')
     if runs:
-        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), fontsize=7)
+        axis.legend(loc='upper center', bbox_to_anchor=(0.5, -0.15), fontsize=7)

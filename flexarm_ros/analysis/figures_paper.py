@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The paper's own figures, one picture each, where the runs at hand can show them.
 
 Figures 2 and 3 (membership functions) want a fuzzy run; 5 and 7 (paths) and 6 and 8 (the
@@ -13,15 +27,15 @@ from typing import TYPE_CHECKING
 
 from flexarm_ros.analysis.figures_corners import corner_figure
 from flexarm_ros.analysis.figures_fls import gain_kn, sets_figure
-from flexarm_ros.analysis.figures_style import Panel, group_switches
+from flexarm_ros.analysis.figures_style import group_switches, Panel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PLACES = {9.0: ("figure_5", "figure_6", (1, 0)), 6.75: ("figure_7", "figure_8", (1, 2))}
+PLACES = {9.0: ('figure_5', 'figure_6', (1, 0)), 6.75: ('figure_7', 'figure_8', (1, 2))}
 """Place of the sensor, m -> stems of paths and of transients, the switches zoomed for PD, FLS."""
 
-LAWS = ("pd", "fls")
+LAWS = ('pd', 'fls')
 LEAST_CASES = 2
 
 
@@ -29,11 +43,11 @@ def paper_figures(groups: Sequence[Panel]) -> Iterator[tuple[str, Figure]]:
     """Yield the stem and the picture of each figure of the paper that the groups can show."""
     from flexarm_ros.analysis.figures import path_figure
 
-    fuzzy = [run for group in groups for run in group.runs if run.law == "fls"]
+    fuzzy = [run for group in groups for run in group.runs if run.law == 'fls']
     if fuzzy:
         kn = gain_kn(fuzzy)
-        yield "figure_2", sets_figure("inputs", kn)
-        yield "figure_3", sets_figure("output", kn)
+        yield 'figure_2', sets_figure('inputs', kn)
+        yield 'figure_3', sets_figure('output', kn)
     for place, (paths, transients, switches) in PLACES.items():
         pair = [group for law in LAWS for group in groups if _shows(group, law, place)]
         if len(pair) < len(LAWS):

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What all pictures share: colours, line styles, panels, and how a file is written.
 
 The colours are Okabe and Ito's (2008), which people with any of the common colour
@@ -6,30 +20,29 @@ deficiencies tell apart; line styles differ too, so that a grey print can be rea
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+import textwrap
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.analysis.report_runs import (
     COLLOCATED,
     CORRECTED,
-    NONCOLLOCATED,
-    Run,
     labels,
     law_name,
+    NONCOLLOCATED,
+    Run,
 )
 from flexarm_ros.core.compiled import FloatArray
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
-AMBER, SKY, BLACK, GREY = "#E69F00", "#56B4E9", "#000000", "#6E6E6E"
+BLUE, ORANGE, GREEN, PURPLE = '#0072B2', '#D55E00', '#009E73', '#CC79A7'
+AMBER, SKY, BLACK, GREY = '#E69F00', '#56B4E9', '#000000', '#6E6E6E'
 
 
 @dataclass(frozen=True)
@@ -37,46 +50,46 @@ class Style:
     """How a curve is drawn: colour, dashes, width in points."""
 
     color: str
-    dashes: str = "-"
+    dashes: str = '-'
     width: float = 1.3
 
 
 ROLE_STYLES = {
-    COLLOCATED: Style(BLUE, "-", 2.2),
-    NONCOLLOCATED: Style(ORANGE, "--", 1.5),
-    CORRECTED: Style(GREEN, "-.", 1.1),
+    COLLOCATED: Style(BLUE, '-', 2.2),
+    NONCOLLOCATED: Style(ORANGE, '--', 1.5),
+    CORRECTED: Style(GREEN, '-.', 1.1),
 }
 """The paper's three cases -> style; the wider lie below, so that equal curves are all seen."""
 
 SPARE_STYLES = (
-    Style(BLUE), Style(ORANGE, "--"), Style(GREEN, "-."), Style(PURPLE, ":"), Style(AMBER),
-    Style(SKY, "--"), Style(BLACK, "-."),
+    Style(BLUE), Style(ORANGE, '--'), Style(GREEN, '-.'), Style(PURPLE, ':'), Style(AMBER),
+    Style(SKY, '--'), Style(BLACK, '-.'),
 )  # fmt: skip
 
 SETTINGS: Any = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9.0,
-    "axes.titlesize": 10.0,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#d9d9d9",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.3,
-    "legend.fontsize": 8.0,
-    "legend.framealpha": 0.9,
-    "savefig.dpi": 160,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "flexarm_ros",
-    "path.simplify": True,
-    "agg.path.chunksize": 20000,
+    'font.family': 'DejaVu Sans',
+    'font.size': 9.0,
+    'axes.titlesize': 10.0,
+    'axes.grid': True,
+    'axes.axisbelow': True,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'grid.color': '#d9d9d9',
+    'grid.linewidth': 0.6,
+    'lines.linewidth': 1.3,
+    'legend.fontsize': 8.0,
+    'legend.framealpha': 0.9,
+    'savefig.dpi': 160,
+    'svg.fonttype': 'path',
+    'svg.hashsalt': 'flexarm_ros',
+    'path.simplify': True,
+    'agg.path.chunksize': 20000,
 }
 """Matplotlib settings; the salt and ``METADATA`` make equal data give equal files."""
 
 METADATA: dict[str, dict[str, Any]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None, "Creator": "flexarm_ros"},
+    'png': {'Software': None},
+    'svg': {'Date': None, 'Creator': 'flexarm_ros'},
 }
 
 
@@ -91,15 +104,15 @@ class Panel:
     @property
     def title(self) -> str:
         """Return what the runs have in common."""
-        place = "" if self.location is None else f", sensor at {self.location:g} m"
+        place = '' if self.location is None else f', sensor at {self.location:g} m'
         return law_name(self.law) + place
 
     @property
     def slug(self) -> str:
         """Return a text for file names."""
-        place = "" if self.location is None else f"_{self.location:g}m"
-        law = "".join(c if c.isalnum() and c.isascii() else "_" for c in self.law) or "unknown"
-        return law + place.replace(".", "p")
+        place = '' if self.location is None else f'_{self.location:g}m'
+        law = ''.join(c if c.isalnum() and c.isascii() else '_' for c in self.law) or 'unknown'
+        return law + place.replace('.', 'p')
 
 
 def panels(runs: Sequence[Run]) -> list[Panel]:
@@ -112,7 +125,9 @@ def panels(runs: Sequence[Run]) -> list[Panel]:
     for law in dict.fromkeys(run.law for run in runs):
         of_law = [run for run in runs if run.law == law]
         places: list[float | None] = []
-        places += sorted({run.location for run in of_law if run.location is not None}, reverse=True)
+        places += sorted(
+            {run.location for run in of_law if run.location is not None}, reverse=True
+        )
         for place in places or [None]:
             members = tuple(run for run in of_law if run.location in (None, place))
             result.append(Panel(law, place, members))
@@ -138,14 +153,14 @@ def _spare(index: int) -> Style:
 
 def wrap(text: str) -> str:
     """Return a legend's text in lines that fit a panel."""
-    return "\n".join(textwrap.wrap(text, 30, break_on_hyphens=False))
+    return '\n'.join(textwrap.wrap(text, 30, break_on_hyphens=False))
 
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure, sizes in inches, that no display or global state knows of."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(width, height), layout='constrained')
 
 
 def save(figure: Figure, out: Path, stem: str) -> list[Path]:
@@ -155,9 +170,9 @@ def save(figure: Figure, out: Path, stem: str) -> list[Path]:
     """
     paths = []
     for kind, metadata in METADATA.items():
-        path = out / f"{stem}.{kind}"
+        path = out / f'{stem}.{kind}'
         figure.savefig(path, metadata=metadata)
-        figure.set_layout_engine("none")
+        figure.set_layout_engine('none')
         paths.append(path)
     return paths
 
@@ -173,21 +188,21 @@ def panel_title(group: Panel) -> str:
     if len(group.runs) > 1:
         return group.title
     run = group.runs[0]
-    title = ", ".join(part for part in (group.title, run.role) if part)
+    title = ', '.join(part for part in (group.title, run.role) if part)
     if run.stable is False and run.rows:
-        title += f"\nunstable, stopped at t = {run.columns['t'][-1]:.3g} s"
+        title += f'\nunstable, stopped at t = {run.columns["t"][-1]:.3g} s'
     return title
 
 
 def between(run: Run, start: float, end: float) -> slice:
     """Return the rows of a time span."""
-    first, last = np.searchsorted(run.columns["t"], (start, end))
+    first, last = np.searchsorted(run.columns['t'], (start, end))
     return slice(int(first), int(last))
 
 
 def line(axis: Axes, x: FloatArray, y: FloatArray, style: Style, label: str) -> None:
     """Draw a curve; one of very few rows gets dots, since it would not be seen."""
-    options: dict[str, Any] = {"marker": "."} if len(x) < 3 else {}
+    options: dict[str, Any] = {'marker': '.'} if len(x) < 3 else {}
     axis.plot(
         x, y, color=style.color, linestyle=style.dashes, linewidth=style.width, label=label,
         **options,

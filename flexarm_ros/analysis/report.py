@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One self-contained HTML page of runs: ``flexarm report``.
 
 The page holds its style, its script and the runs' rows; it asks nothing of any network, and
@@ -10,25 +24,24 @@ first time; six pictures against eleven, one machine, one browser).
 from __future__ import annotations
 
 import base64
-import hashlib
-import json
-import os
 from collections.abc import Sequence
+import hashlib
 from html import escape
 from importlib import resources
+import json
+import os
 from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
-
 from flexarm_ros.analysis import report_tables as tables
 from flexarm_ros.analysis.report_claims import evaluate
 from flexarm_ros.analysis.report_data import page_data
-from flexarm_ros.analysis.report_runs import Run, load_run
+from flexarm_ros.analysis.report_runs import load_run, Run
+import numpy as np
 
-SCRIPTS = ("report_base.js", "report_chart.js", "report_arm.js", "report_fls.js", "report_main.js")
-PAGE = "report.html"
+SCRIPTS = ('report_base.js', 'report_chart.js', 'report_arm.js', 'report_fls.js', 'report_main.js')
+PAGE = 'report.html'
 
 
 def write_report(run_dirs: Sequence[Path], out: Path) -> Path:
@@ -40,25 +53,25 @@ def write_report(run_dirs: Sequence[Path], out: Path) -> Path:
     page = render([load_run(path) for path in run_dirs])
     out.mkdir(parents=True, exist_ok=True)
     path = out / PAGE
-    partial = out / f"{PAGE}.tmp"
-    partial.write_text(page, "utf-8")
+    partial = out / f'{PAGE}.tmp'
+    partial.write_text(page, 'utf-8')
     os.replace(partial, path)
     return path
 
 
 def render(runs: Sequence[Run]) -> str:
     """Return the page of some runs as text."""
-    style = _asset("report.css")
+    style = _asset('report.css')
     script = f'"use strict";\n(() => {{\n{"".join(map(_asset, SCRIPTS))}}})();\n'
     data = page_data(runs)
-    fuzzy = any(run.law == "fls" for run in runs)
+    fuzzy = any(run.law == 'fls' for run in runs)
     if fuzzy:
-        data["fls"] = _fls_data(runs)
-    count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
-    names = ", ".join(run.name for run in runs)
-    return Template(_asset("report.html")).substitute(
-        title=escape(f"flexarm report: {names if len(names) <= 80 else count}"),
-        subtitle=escape(f"{count} of a two-link flexible arm: {names}"),
+        data['fls'] = _fls_data(runs)
+    count = '1 run' if len(runs) == 1 else f'{len(runs)} runs'
+    names = ', '.join(run.name for run in runs)
+    return Template(_asset('report.html')).substitute(
+        title=escape(f'flexarm report: {names if len(names) <= 80 else count}'),
+        subtitle=escape(f'{count} of a two-link flexible arm: {names}'),
         style=style,
         style_hash=_hash(style),
         script=script,
@@ -66,7 +79,7 @@ def render(runs: Sequence[Run]) -> str:
         metrics=tables.metrics_table(runs),
         claims=tables.claims_section(evaluate(runs)),
         sampling=escape(_sampling(data)),
-        fls=_fls_section() if fuzzy else "",
+        fls=_fls_section() if fuzzy else '',
         scenario=tables.scenario_table(runs),
         provenance=tables.provenance_table(runs),
         data=script_json(data),
@@ -75,28 +88,28 @@ def render(runs: Sequence[Run]) -> str:
 
 def script_json(data: Any) -> str:
     """Return JSON that may stand in a script element: no text of it can end the element."""
-    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(',', ':'))
+    return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
 
 
 def _asset(name: str) -> str:
-    return (resources.files("flexarm_ros.analysis") / "assets" / name).read_text("utf-8")
+    return (resources.files('flexarm_ros.analysis') / 'assets' / name).read_text('utf-8')
 
 
 def _hash(text: str) -> str:
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return f"sha256-{base64.b64encode(digest).decode('ascii')}"
+    digest = hashlib.sha256(text.encode('utf-8')).digest()
+    return f'sha256-{base64.b64encode(digest).decode("ascii")}'
 
 
 def _sampling(data: dict[str, Any]) -> str:
-    entries = data["runs"]
-    if all(entry["rows"] == entry["total"] for entry in entries):
-        return "Every recorded tick is in this page."
-    few = min(entries, key=lambda entry: entry["rows"] / max(1, entry["total"]))
+    entries = data['runs']
+    if all(entry['rows'] == entry['total'] for entry in entries):
+        return 'Every recorded tick is in this page.'
+    few = min(entries, key=lambda entry: entry['rows'] / max(1, entry['total']))
     return (
-        f"Of each run this page holds a part of the recorded ticks (the least: {few['rows']} of "
-        f"{few['total']}), among them the least and the largest value of every quantity in every "
-        "short span of time, so that no peak is lost. trajectory.csv has them all."
+        f'Of each run this page holds a part of the recorded ticks (the least: {few["rows"]} of '
+        f'{few["total"]}), among them the least and the largest value of every quantity in every '
+        'short span of time, so that no peak is lost. trajectory.csv has them all.'
     )
 
 
@@ -110,23 +123,23 @@ def _fls_data(runs: Sequence[Run]) -> dict[str, Any]:
     for reach in (1.0, 0.2):
         values = lambda_grid(np.linspace(-reach, reach, 33))
         rounded = [[round(value, 5) for value in row] for row in values.tolist()]
-        grids.append({"reach": round(reach * kn, 6), "values": rounded})
+        grids.append({'reach': round(reach * kn, 6), 'values': rounded})
     return {
-        "kn": kn,
-        "inputs": [{"name": name, "feet": feet} for name, feet in INPUT_SETS.items()],
-        "outputs": [{"name": name, "feet": feet} for name, feet in OUTPUT_SETS.items()],
-        "grids": grids,
+        'kn': kn,
+        'inputs': [{'name': name, 'feet': feet} for name, feet in INPUT_SETS.items()],
+        'outputs': [{'name': name, 'feet': feet} for name, feet in OUTPUT_SETS.items()],
+        'grids': grids,
     }
 
 
 def _fls_section() -> str:
     from flexarm_ros.core.fls_definition import INPUT_SETS, RULES
 
-    head = "".join(f'<th scope="col">δ₂ is {name}</th>' for name in INPUT_SETS)
-    rows = "".join(
+    head = ''.join(f'<th scope="col">δ₂ is {name}</th>' for name in INPUT_SETS)
+    rows = ''.join(
         f'<tr><th scope="row">δ₁ is {first}</th>'
-        + "".join(f"<td>{RULES[first, second]}</td>" for second in INPUT_SETS)
-        + "</tr>"
+        + ''.join(f'<td>{RULES[first, second]}</td>' for second in INPUT_SETS)
+        + '</tr>'
         for first in INPUT_SETS
     )
-    return Template(_asset("report_fls.html")).substitute(head=head, rows=rows)
+    return Template(_asset('report_fls.html')).substitute(head=head, rows=rows)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the page's script gets: rows of each run, packed, and the fuzzy logic system."""
 
 from __future__ import annotations
@@ -6,12 +20,11 @@ import base64
 from collections.abc import Sequence
 from typing import Any
 
+from flexarm_ros.analysis.figures_style import SPARE_STYLES, styles
+from flexarm_ros.analysis.report_runs import labels, law_name, number, Run
+from flexarm_ros.core.compiled import FloatArray
 import numpy as np
 from numpy.typing import NDArray
-
-from flexarm_ros.analysis.figures_style import SPARE_STYLES, styles
-from flexarm_ros.analysis.report_runs import Run, labels, law_name, number
-from flexarm_ros.core.compiled import FloatArray
 
 ROW_BUDGET = 48_000
 """Rows of all runs together that a page holds: three runs of 16 s at 1 kHz whole, about 2 MB."""
@@ -23,15 +36,15 @@ MOST_SWITCHES = 200
 """Direction switches of a run that a page marks."""
 
 PACKED = (
-    "t", "theta1", "theta2", "delta1", "delta2", "elbow_x", "elbow_y", "tip_x", "tip_y",
-    "rigid_x", "rigid_y", "meas_x", "meas_y", "ref_x", "ref_y", "tau1", "tau2", "lambda",
+    't', 'theta1', 'theta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y', 'tip_x', 'tip_y',
+    'rigid_x', 'rigid_y', 'meas_x', 'meas_y', 'ref_x', 'ref_y', 'tau1', 'tau2', 'lambda',
 )  # fmt: skip
 """Columns that the page needs."""
 
 STEPS = 2**24 - 2
 """Steps between the least and the largest value of a packed column; the code above is nan."""
 
-DASHES = {"-": "", "--": "7 4", "-.": "9 3 2 3", ":": "2 3"}
+DASHES = {'-': '', '--': '7 4', '-.': '9 3 2 3', ':': '2 3'}
 """Matplotlib's name of a line style -> SVG's dash array."""
 
 
@@ -53,30 +66,30 @@ def page_data(runs: Sequence[Run]) -> dict[str, Any]:
             columns[name] = pool.setdefault(packed, len(pool))
         entries.append(
             {
-                "label": label,
-                "name": run.name,
-                "law": law_name(run.law),
-                "color": colors.index(style.color),
-                "dash": DASHES[style.dashes],
-                "width": round(1.25 * style.width, 3),
-                "rows": len(kept),
-                "total": run.rows,
-                "sensor": run.location,
-                "lengths": _lengths(run),
-                "switches": run.switches()[:MOST_SWITCHES],
-                "columns": columns,
+                'label': label,
+                'name': run.name,
+                'law': law_name(run.law),
+                'color': colors.index(style.color),
+                'dash': DASHES[style.dashes],
+                'width': round(1.25 * style.width, 3),
+                'rows': len(kept),
+                'total': run.rows,
+                'sensor': run.location,
+                'lengths': _lengths(run),
+                'switches': run.switches()[:MOST_SWITCHES],
+                'columns': columns,
             }
         )
     return {
-        "runs": entries,
-        "pool": [{"low": low, "span": span, "data": data} for low, span, data in pool],
-        "steps": STEPS,
+        'runs': entries,
+        'pool': [{'low': low, 'span': span, 'data': data} for low, span, data in pool],
+        'steps': STEPS,
     }
 
 
 def _lengths(run: Run) -> list[float]:
     """Return the links' lengths, m; the paper's where the scenario does not tell."""
-    value = run.value("plant", "length")
+    value = run.value('plant', 'length')
     known = [number(item) for item in value] if isinstance(value, list) else []
     return [item for item in known if item is not None] if len(known) == 2 else [4.5, 4.5]
 
@@ -93,9 +106,9 @@ def pack(values: FloatArray) -> tuple[float, float, str]:
     if not np.isfinite(span):  # the two ends are further apart than a float can tell
         return pack(np.where(np.abs(values) < 1e300, values, np.nan))
     scaled = (values - low) / span * STEPS if span > 0.0 else values * 0.0
-    codes = np.where(np.isfinite(scaled), np.rint(scaled), STEPS + 1).astype("<u4")
+    codes = np.where(np.isfinite(scaled), np.rint(scaled), STEPS + 1).astype('<u4')
     octets = codes.view(np.uint8).reshape(-1, 4)[:, :3]
-    return low, span, base64.b64encode(octets.tobytes()).decode("ascii")
+    return low, span, base64.b64encode(octets.tobytes()).decode('ascii')
 
 
 def select_rows(run: Run, budget: int) -> NDArray[np.int64]:

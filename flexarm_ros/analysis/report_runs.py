@@ -1,21 +1,34 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A run's output directory read back: its rows, its summary, and what to call it."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.rows import COLUMNS
+import numpy as np
 
-COLLOCATED = "collocated"
-NONCOLLOCATED = "noncollocated (NMP)"
-CORRECTED = "NMP corrected"
+COLLOCATED = 'collocated'
+NONCOLLOCATED = 'noncollocated (NMP)'
+CORRECTED = 'NMP corrected'
 
 LARGEST = 1e60
 """Beyond this a value counts as not finite: squares and picture's scales would overflow."""
@@ -50,36 +63,36 @@ class Run:
     @property
     def rows(self) -> int:
         """Return the number of recorded ticks."""
-        return len(self.columns["t"])
+        return len(self.columns['t'])
 
     @property
     def law(self) -> str:
         """Return ``controller.law``, or an empty text where it is not known."""
-        value = self.value("controller", "law")
-        return value if isinstance(value, str) else ""
+        value = self.value('controller', 'law')
+        return value if isinstance(value, str) else ''
 
     @property
     def role(self) -> str:
         """Return which of the paper's three cases it is, empty for a law without feedback."""
-        feedback = self.value("controller", "feedback")
-        if self.law == "open_loop" or feedback not in ("encoder", "tip_sensor"):
-            return ""
-        if feedback == "encoder":
+        feedback = self.value('controller', 'feedback')
+        if self.law == 'open_loop' or feedback not in ('encoder', 'tip_sensor'):
+            return ''
+        if feedback == 'encoder':
             return COLLOCATED
-        delay = number(self.value("trajectory", "delay"))
+        delay = number(self.value('trajectory', 'delay'))
         return CORRECTED if delay is not None and delay > 0.0 else NONCOLLOCATED
 
     @property
     def location(self) -> float | None:
         """Return the place of the position sensor that closes the loop, m, if one does."""
-        if self.role in ("", COLLOCATED):
+        if self.role in ('', COLLOCATED):
             return None
-        return number(self.value("tip_sensor", "location"))
+        return number(self.value('tip_sensor', 'location'))
 
     @property
     def stable(self) -> bool | None:
         """Return the summary's verdict, ``None`` where it has none."""
-        value = self.summary.get("stable")
+        value = self.summary.get('stable')
         return value if isinstance(value, bool) else None
 
     def value(self, section: str, key: str) -> Any:
@@ -88,7 +101,7 @@ class Run:
 
     def switches(self) -> list[float]:
         """Return the times, in s, at which the reference changes its direction of motion."""
-        x, y = self.columns["ref_x"], self.columns["ref_y"]
+        x, y = self.columns['ref_x'], self.columns['ref_y']
         dx, dy = np.diff(x), np.diff(y)
         length = np.nan_to_num(np.hypot(dx, dy))
         moving = np.flatnonzero(length > 1e-9 * max(1.0, float(np.max(length, initial=0.0))))
@@ -96,17 +109,17 @@ class Run:
             return []
         ux, uy = dx[moving] / length[moving], dy[moving] / length[moving]
         turns = np.flatnonzero(ux[1:] * ux[:-1] + uy[1:] * uy[:-1] < TURN)
-        return [float(self.columns["t"][row]) for row in moving[turns + 1]]
+        return [float(self.columns['t'][row]) for row in moving[turns + 1]]
 
     def error(self) -> FloatArray:
         """Return the distance of the rigid end effector from the undelayed reference, m."""
         c = self.columns
-        return np.hypot(c["rigid_x"] - c["ref_x"], c["rigid_y"] - c["ref_y"])
+        return np.hypot(c['rigid_x'] - c['ref_x'], c['rigid_y'] - c['ref_y'])
 
     def tip_error(self) -> FloatArray:
         """Return the distance of the true tip from the undelayed reference, m."""
         c = self.columns
-        return np.hypot(c["tip_x"] - c["ref_x"], c["tip_y"] - c["ref_y"])
+        return np.hypot(c['tip_x'] - c['ref_x'], c['tip_y'] - c['ref_y'])
 
 
 def number(value: Any) -> float | None:
@@ -128,12 +141,12 @@ def load_run(path: Path) -> Run:
     """
     directory = _directory(Path(path))
     if directory is not None:
-        summary = _read_summary(directory / "summary.json")
-        columns = _read_rows(directory / "trajectory.csv")
+        summary = _read_summary(directory / 'summary.json')
+        columns = _read_rows(directory / 'trajectory.csv')
     else:
         columns, summary, directory = _from_bag(Path(path))
     columns = {name: without_extremes(values) for name, values in columns.items()}
-    return Run(directory, columns, summary, _sections(summary.get("scenario")))
+    return Run(directory, columns, summary, _sections(summary.get('scenario')))
 
 
 def _directory(path: Path) -> Path | None:
@@ -141,12 +154,12 @@ def _directory(path: Path) -> Path | None:
     try:
         resolved = path.resolve()
         for candidate in (resolved, *list(resolved.parents)[:2]):
-            if (candidate / "trajectory.csv").is_file() and (candidate / "summary.json").is_file():
+            if (candidate / 'trajectory.csv').is_file() and (candidate / 'summary.json').is_file():
                 return candidate
-            if candidate.is_dir() and candidate.name != "bag":
+            if candidate.is_dir() and candidate.name != 'bag':
                 return None
     except (OSError, RuntimeError, ValueError) as error:
-        raise RunError(f"{str(path)!r} is not a run: {error}") from None
+        raise RunError(f'{str(path)!r} is not a run: {error}') from None
     return None
 
 
@@ -160,9 +173,9 @@ def _from_bag(path: Path) -> tuple[Mapping[str, FloatArray], Mapping[str, Any], 
         columns, summary = read_bag(path)
         parent = find_bag(path).resolve().parent
     except BagError as error:
-        files = "no trajectory.csv with summary.json"
-        raise RunError(f"{path} is not a run: {files}, and no bag: {error}") from None
-    return columns, summary, parent.parent if parent.name == "bag" else parent
+        files = 'no trajectory.csv with summary.json'
+        raise RunError(f'{path} is not a run: {files}, and no bag: {error}') from None
+    return columns, summary, parent.parent if parent.name == 'bag' else parent
 
 
 def without_extremes(values: FloatArray) -> FloatArray:
@@ -172,11 +185,11 @@ def without_extremes(values: FloatArray) -> FloatArray:
 
 def _read_summary(path: Path) -> Mapping[str, Any]:
     try:
-        summary = json.loads(path.read_text("utf-8"))
+        summary = json.loads(path.read_text('utf-8'))
     except (OSError, ValueError, RecursionError) as error:
-        raise RunError(f"{path} cannot be read: {error}") from None
+        raise RunError(f'{path} cannot be read: {error}') from None
     if not isinstance(summary, dict):
-        raise RunError(f"{path} cannot be read: it is not a JSON object")
+        raise RunError(f'{path} cannot be read: it is not a JSON object')
     return summary
 
 
@@ -187,7 +200,7 @@ def _sections(scenario: Any) -> Mapping[str, Mapping[str, Any]]:
     found: dict[str, Mapping[str, Any]] = {}
     for section, keys in scenario.items():
         if isinstance(keys, dict):
-            inner = keys.get("ros__parameters")
+            inner = keys.get('ros__parameters')
             found[section] = inner if isinstance(inner, dict) else keys
     return found
 
@@ -195,35 +208,35 @@ def _sections(scenario: Any) -> Mapping[str, Mapping[str, Any]]:
 def _read_rows(path: Path) -> Mapping[str, FloatArray]:
     """Return the columns of a trajectory; a last row that was cut off is left out."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header = file.readline().strip().split(",")
+        with path.open(encoding='utf-8', newline='') as file:
+            header = file.readline().strip().split(',')
             missing = [name for name in COLUMNS if name not in header]
             if missing:
-                raise RunError(f"{path} cannot be read: it has no column {missing[0]}")
+                raise RunError(f'{path} cannot be read: it has no column {missing[0]}')
             table = _table(file.read().splitlines(), len(header))
     except (OSError, ValueError) as error:
-        raise RunError(f"{path} cannot be read: {error}") from None
+        raise RunError(f'{path} cannot be read: {error}') from None
     return {name: table[:, header.index(name)] for name in COLUMNS}
 
 
 def _table(lines: list[str], width: int) -> FloatArray:
-    if lines and lines[-1].count(",") != width - 1:
+    if lines and lines[-1].count(',') != width - 1:
         del lines[-1]
     table = np.empty((len(lines), width))
     for row, line in enumerate(lines):
-        values = [float(text) if text else np.nan for text in line.split(",")]
+        values = [float(text) if text else np.nan for text in line.split(',')]
         if len(values) != width:
-            raise ValueError(f"row {row + 1} has {len(values)} values, the header {width}")
+            raise ValueError(f'row {row + 1} has {len(values)} values, the header {width}')
         table[row] = values
     return table
 
 
-LAW_NAMES = {"pd": "PD", "fls": "FLS", "open_loop": "Open loop"}
+LAW_NAMES = {'pd': 'PD', 'fls': 'FLS', 'open_loop': 'Open loop'}
 
 
 def law_name(law: str) -> str:
     """Return a control law's name as pictures print it."""
-    return LAW_NAMES.get(law, law.upper() if len(law) <= 4 else law) or "Unknown law"
+    return LAW_NAMES.get(law, law.upper() if len(law) <= 4 else law) or 'Unknown law'
 
 
 def labels(runs: Sequence[Run], short: bool = False) -> list[str]:
@@ -235,13 +248,13 @@ def labels(runs: Sequence[Run], short: bool = False) -> list[str]:
     for text in {text for text in texts if texts.count(text) > 1}:
         same = [i for i, other in enumerate(texts) if other == text]
         for i, note in zip(same, _differences([runs[i] for i in same]), strict=True):
-            texts[i] = f"{text}, {note}" if note else text
+            texts[i] = f'{text}, {note}' if note else text
     for text in {text for text in texts if texts.count(text) > 1}:
         same = [i for i, other in enumerate(texts) if other == text]
         names = [runs[i].name for i in same]
         for order, i in enumerate(same):
             mark = names[order] if names.count(names[order]) == 1 else str(order + 1)
-            texts[i] = f"{text}, {mark}"
+            texts[i] = f'{text}, {mark}'
     return texts
 
 
@@ -252,8 +265,8 @@ def _base_label(run: Run, short: bool) -> str:
     if run.role:
         parts.append(run.role)
     if run.location is not None:
-        parts.append(f"sensor at {run.location:g} m")
-    return ", ".join(parts)
+        parts.append(f'sensor at {run.location:g} m')
+    return ', '.join(parts)
 
 
 def _differences(runs: Sequence[Run]) -> list[str]:
@@ -265,19 +278,19 @@ def _differences(runs: Sequence[Run]) -> list[str]:
     differing = [
         (section, key)
         for section, key in keys
-        if section != "recorder"
+        if section != 'recorder'
         and len({json.dumps(run.value(section, key), sort_keys=True) for run in runs}) > 1
     ]
     return [
-        ", ".join(f"{key} {_brief(run.value(section, key))}" for section, key in differing[:2])
+        ', '.join(f'{key} {_brief(run.value(section, key))}' for section, key in differing[:2])
         for run in runs
     ]
 
 
 def _brief(value: Any) -> str:
     if isinstance(value, list):
-        return "/".join(_brief(item) for item in value[:3])
+        return '/'.join(_brief(item) for item in value[:3])
     if isinstance(value, float):
-        return f"{value:g}"
-    text = "default" if value is None else str(value)
-    return text if len(text) <= 24 else text[:23] + "…"
+        return f'{value:g}'
+    text = 'default' if value is None else str(value)
+    return text if len(text) <= 24 else text[:23] + '…'

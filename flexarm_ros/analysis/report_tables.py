@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Tables of the report page as HTML: metrics, claims, scenario, provenance.
 
 Whatever comes from a file goes through ``escape`` on its way into the page.
@@ -10,50 +24,48 @@ from html import escape
 from typing import Any
 
 from flexarm_ros.analysis.report_claims import Claim, Claims
-from flexarm_ros.analysis.report_runs import Run, labels, number
+from flexarm_ros.analysis.report_runs import labels, number, Run
 from flexarm_ros.core.parameters import SECTIONS, specs
 
 LONGEST = 300
 """Characters of a text from a file that a page shows."""
 
 METRICS: tuple[tuple[str, str, str], ...] = (
-    ("rms_error", "Error, rms", "m"),
-    ("max_error", "Error, largest", "m"),
-    ("overshoot", "Overshoot", "m"),
-    ("max_overshoot", "Overshoot, largest", "m"),
-    ("tip_rms_error", "True tip's error, rms", "m"),
-    ("tip_max_error", "True tip's error, largest", "m"),
-    ("tip_overshoot", "True tip's overshoot", "m"),
-    ("max_deflection", "Deflection, largest", "m"),
-    ("max_torque", "Torque, largest", "N m"),
-    ("ticks", "Ticks", ""),
-    ("wall_s", "Wall time", "s"),
-    ("rtf", "Real-time factor", ""),
+    ('rms_error', 'Error, rms', 'm'),
+    ('max_error', 'Error, largest', 'm'),
+    ('overshoot', 'Overshoot', 'm'),
+    ('max_overshoot', 'Overshoot, largest', 'm'),
+    ('tip_rms_error', "True tip's error, rms", 'm'),
+    ('tip_max_error', "True tip's error, largest", 'm'),
+    ('tip_overshoot', "True tip's overshoot", 'm'),
+    ('max_deflection', 'Deflection, largest', 'm'),
+    ('max_torque', 'Torque, largest', 'N m'),
+    ('ticks', 'Ticks', ''),
+    ('wall_s', 'Wall time', 's'),
+    ('rtf', 'Real-time factor', ''),
 )
 """Key of ``summary.json``, its name, its unit."""
 
-EDGES = {"holds": "good", "in part": "part", "does not hold": "bad"}
+EDGES = {'holds': 'good', 'in part': 'part', 'does not hold': 'bad'}
 
 
 def text(value: Any) -> str:
     """Return anything from a file as HTML text, not too long."""
     shown = value if isinstance(value, str) else repr(value)
-    return escape(shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + "…")
+    return escape(shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + '…')
 
 
 def _breakable(name: str) -> str:
     """Return a run's name as HTML that breaks after its underscores, not inside its words."""
-    return text(name).replace("_", "_<wbr>")
+    return text(name).replace('_', '_<wbr>')
 
 
 def _scroll(table: str, label: str) -> str:
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">{table}</div>'
-    )
+    return f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">{table}</div>'
 
 
 def _run_heads(runs: Sequence[Run]) -> str:
-    return "".join(
+    return ''.join(
         f'<th scope="col">{text(label)}<span class="name">{_breakable(run.name)}</span></th>'
         for run, label in zip(runs, labels(runs), strict=True)
     )
@@ -61,7 +73,7 @@ def _run_heads(runs: Sequence[Run]) -> str:
 
 def metrics_table(runs: Sequence[Run]) -> str:
     """Return the metrics of every run, a column each."""
-    rows = [_row("Outcome", "", [_outcome(run) for run in runs])]
+    rows = [_row('Outcome', '', [_outcome(run) for run in runs])]
     for key, name, unit in METRICS:
         values = [run.summary.get(key) for run in runs]
         if any(isinstance(value, list) for value in values):
@@ -70,17 +82,17 @@ def metrics_table(runs: Sequence[Run]) -> str:
             rows.append(_row(name, unit, [_number(value) for value in values]))
     head = f'<thead><tr><th scope="col">Metric</th>{_run_heads(runs)}</tr></thead>'
     table = f'<table class="numbers sticky">{head}<tbody>{"".join(rows)}</tbody></table>'
-    return _scroll(table, "Metrics") + (
+    return _scroll(table, 'Metrics') + (
         '<p class="note">Errors are distances from the undelayed reference: of the rigid '
-        "kinematics of the joint angles, or of the true tip where it says so. Overshoot: how far "
-        "past the corner along the old direction, in the second after the switch. "
-        "– stands for what is not known.</p>"
+        'kinematics of the joint angles, or of the true tip where it says so. Overshoot: how far '
+        'past the corner along the old direction, in the second after the switch. '
+        '– stands for what is not known.</p>'
     )
 
 
 def _row(name: str, unit: str, cells: Sequence[str]) -> str:
-    shown = f' <span class="unit">{unit}</span>' if unit else ""
-    held = "".join(f"<td>{cell}</td>" for cell in cells)
+    shown = f' <span class="unit">{unit}</span>' if unit else ''
+    held = ''.join(f'<td>{cell}</td>' for cell in cells)
     return f'<tr><th scope="row">{escape(name)}{shown}</th>{held}</tr>'
 
 
@@ -89,8 +101,8 @@ def _list_rows(name: str, unit: str, values: Sequence[Any]) -> list[str]:
     length = min(12, max(map(len, lists)))
     return [
         _row(
-            f"{name}, switch {i + 1}", unit,
-            [_number(items[i]) if i < len(items) else "–" for items in lists],
+            f'{name}, switch {i + 1}', unit,
+            [_number(items[i]) if i < len(items) else '–' for items in lists],
         )
         for i in range(length)
     ]  # fmt: skip
@@ -99,15 +111,15 @@ def _list_rows(name: str, unit: str, values: Sequence[Any]) -> list[str]:
 def _number(value: Any) -> str:
     known = number(value)
     if known is None:
-        return "–"
+        return '–'
     if isinstance(value, int):
         return str(value)
-    return f"{known:#.4g}" if 1e-4 < abs(known) < 1e4 else f"{known:.4g}"
+    return f'{known:#.4g}' if 1e-4 < abs(known) < 1e4 else f'{known:.4g}'
 
 
 def _outcome(run: Run) -> str:
-    problem = run.summary.get("problem")
-    why = f"<br>{text(problem)}" if isinstance(problem, str) and problem else ""
+    problem = run.summary.get('problem')
+    why = f'<br>{text(problem)}' if isinstance(problem, str) and problem else ''
     if run.stable is True:
         return f'<span class="good">stable</span>{why}'
     if run.stable is False:
@@ -118,33 +130,33 @@ def _outcome(run: Run) -> str:
 def claims_section(claims: Claims) -> str:
     """Return the section on the paper's claims, empty where no claim can be decided."""
     if not claims.tested:
-        return ""
-    parts = "".join(_claim(claim) for claim in claims.tested)
+        return ''
+    parts = ''.join(_claim(claim) for claim in claims.tested)
     notes = list(claims.remarks)
     if claims.untested:
-        notes.append(f"Not decided by these runs: {'; '.join(claims.untested)}.")
-    remarks = "".join(f'<p class="note">{escape(note)}</p>' for note in notes)
+        notes.append(f'Not decided by these runs: {"; ".join(claims.untested)}.')
+    remarks = ''.join(f'<p class="note">{escape(note)}</p>' for note in notes)
     return (
         '<section aria-labelledby="h-claims"><h2 id="h-claims">The paper’s claims</h2>'
-        f"{parts}{remarks}"
+        f'{parts}{remarks}'
         '<p class="note">Each claim is a list of comparisons, the same that '
-        "<code>flexarm suite paper</code> makes; overshoot[0] is the one at the first switch. "
-        "A claim holds in part where some of them hold.</p></section>"
+        '<code>flexarm suite paper</code> makes; overshoot[0] is the one at the first switch. '
+        'A claim holds in part where some of them hold.</p></section>'
     )
 
 
 def _claim(claim: Claim) -> str:
     edge = EDGES[claim.verdict]
-    verdict = "holds in part" if claim.verdict == "in part" else claim.verdict
+    verdict = 'holds in part' if claim.verdict == 'in part' else claim.verdict
     part = len(claim.outcomes)
     count = (
-        ""
+        ''
         if part == claim.checks
-        else f" as far as these runs show ({part} of {claim.checks} comparisons)"
+        else f' as far as these runs show ({part} of {claim.checks} comparisons)'
     )
-    items = "".join(
+    items = ''.join(
         f'<li><span class="{"good" if outcome.holds else "bad"}">'
-        f"{'yes' if outcome.holds else 'no'}</span> {text(outcome.text)}</li>"
+        f'{"yes" if outcome.holds else "no"}</span> {text(outcome.text)}</li>'
         for outcome in claim.outcomes
     )
     return (
@@ -163,10 +175,10 @@ def scenario_table(runs: Sequence[Run]) -> str:
         return "<p>The runs' summaries hold no scenario.</p>"
     rows = []
     for section, key in keys:
-        name = key if section == "/**" else f"{section}.{key}"
+        name = key if section == '/**' else f'{section}.{key}'
         cells = [_parameter(run.value(section, key)) for run in runs]
         rows.append((text(name) + _unit(section, key), cells))
-    return _facts(runs, rows, "Parameter")
+    return _facts(runs, rows, 'Parameter')
 
 
 def _facts(runs: Sequence[Run], rows: Sequence[tuple[str, list[str]]], what: str) -> str:
@@ -174,57 +186,57 @@ def _facts(runs: Sequence[Run], rows: Sequence[tuple[str, list[str]]], what: str
     tables = []
     differing = [(name, cells) for name, cells in rows if len(set(cells)) > 1]
     if differing:
-        body = "".join(
+        body = ''.join(
             f'<tr><th scope="row">{name}</th>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>'
             for name, cells in differing
         )
         head = f'<thead><tr><th scope="col">{what}</th>{_run_heads(runs)}</tr></thead>'
         table = f'<table class="facts sticky">{head}<tbody>{body}</tbody></table>'
-        tables.append(f"<h3>Different</h3>{_scroll(table, f'{what}, different')}")
-    body = "".join(
+        tables.append(f'<h3>Different</h3>{_scroll(table, f"{what}, different")}')
+    body = ''.join(
         f'<tr><th scope="row">{name}</th><td>{cells[0]}</td></tr>'
         for name, cells in rows
         if len(set(cells)) == 1
     )
     if body:
-        title = "<h3>The same in all</h3>" if len(runs) > 1 else ""
+        title = '<h3>The same in all</h3>' if len(runs) > 1 else ''
         head = f'<thead><tr><th scope="col">{what}</th><th scope="col">Value</th></tr></thead>'
         table = f'<table class="facts">{head}<tbody>{body}</tbody></table>'
-        tables.append(title + _scroll(table, f"{what}, the same"))
-    return "".join(tables)
+        tables.append(title + _scroll(table, f'{what}, the same'))
+    return ''.join(tables)
 
 
 def _parameter(value: Any) -> str:
     if value is None:
-        return "default"
+        return 'default'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list):
-        return text(", ".join(str(item) for item in value[:50]))
+        return text(', '.join(str(item) for item in value[:50]))
     return text(str(value)) if isinstance(value, (str, int, float)) else text(value)
 
 
 def _unit(section: str, key: str) -> str:
     cls = SECTIONS.get(section)
     known = specs(cls).get(key) if cls is not None else None
-    unit = known[1].unit if known else ""
-    return f' <span class="unit">{escape(unit)}</span>' if unit else ""
+    unit = known[1].unit if known else ''
+    return f' <span class="unit">{escape(unit)}</span>' if unit else ''
 
 
 def provenance_table(runs: Sequence[Run]) -> str:
     """Return where each run lies, its scenario's name and the versions that made it."""
     names = dict.fromkeys(name for run in runs for name in _versions(run))
     facts: list[tuple[str, Callable[[Run], Any]]] = [
-        ("directory", lambda run: str(run.directory)),
-        ("scenario", lambda run: run.summary.get("name") or "–"),
-        ("rows", lambda run: run.rows),
+        ('directory', lambda run: str(run.directory)),
+        ('scenario', lambda run: run.summary.get('name') or '–'),
+        ('rows', lambda run: run.rows),
     ]
     rows = [(name, [text(value(run)) for run in runs]) for name, value in facts]
     for name in names:
-        rows.append((text(name), [text(_versions(run).get(name, "–")) for run in runs]))
-    return _facts(runs, rows, "Fact")
+        rows.append((text(name), [text(_versions(run).get(name, '–')) for run in runs]))
+    return _facts(runs, rows, 'Fact')
 
 
 def _versions(run: Run) -> dict[str, Any]:
-    versions = run.summary.get("versions")
+    versions = run.summary.get('versions')
     return versions if isinstance(versions, dict) else {}

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where loops stop being stable: by the linear analysis, and by flying them.
 
 A flown boundary is the latency up to which a scenario ends stable, by
@@ -6,15 +20,15 @@ bisection: the run is taken to be stable below it and unstable above.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+import math
 
 from flexarm_ros.core.kinematics import rigid_point
 from flexarm_ros.core.loop import ClosedLoop
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_margins import Pose, crossing_ns, poses_along
+from flexarm_ros.core.stability_margins import crossing_ns, Pose, poses_along
 from flexarm_ros.core.timeline import NS_PER_S
 
 LIMIT_S = 0.06
@@ -25,7 +39,7 @@ RESOLUTION = 0.005
 def with_latency(config: RunConfig, latency_s: float) -> RunConfig:
     """Return ``config`` with the latency of the sensor that closes its loop, whole ns."""
     latency = round(latency_s * NS_PER_S) / NS_PER_S
-    if config.controller.feedback == "encoder":
+    if config.controller.feedback == 'encoder':
         return replace(config, encoder=replace(config.encoder, latency=latency))
     return replace(config, tip_sensor=replace(config.tip_sensor, latency=latency))
 
@@ -128,7 +142,7 @@ def holding(config: RunConfig, pose: Pose, duration: float, kick: float = 0.01) 
             initial_position=(pose.theta1, pose.theta2),
             initial_velocity=(kick, -kick),
         ),
-        trajectory=replace(config.trajectory, kind="hold", hold_position=(x, y)),
+        trajectory=replace(config.trajectory, kind='hold', hold_position=(x, y)),
     )
 
 
@@ -140,5 +154,5 @@ def one_side(config: RunConfig, side_time: float) -> RunConfig:
     return replace(
         config,
         run=replace(config.run, duration=side_time),
-        trajectory=replace(config.trajectory, kind="square", side_time=side_time),
+        trajectory=replace(config.trajectory, kind='square', side_time=side_time),
     )

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where the runs of a sweep are computed: processes of this machine, or a Dask cluster.
 
 Each run depends on its own scenario only, so the rows are the same whatever computes them,
@@ -6,25 +20,25 @@ and in whatever order they come.
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import (
-    FIRST_COMPLETED,
     CancelledError,
+    FIRST_COMPLETED,
     Future,
     ProcessPoolExecutor,
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
+import multiprocessing
 from typing import Any
 
 from flexarm_ros.analysis.sweep_worker import (
-    Row,
-    Task,
     code_version,
+    Row,
     run_tasks,
     run_tasks_remotely,
     start_worker,
+    Task,
 )
 from flexarm_ros.core.parameters import RunConfig
 
@@ -50,7 +64,7 @@ class LocalPool:
     def __init__(self, bases: Sequence[RunConfig], workers: int) -> None:
         self._bases, self._workers = bases, workers
         # Not by fork: the parent has threads (progress), which a fork would cut off.
-        self._context = multiprocessing.get_context("spawn")
+        self._context = multiprocessing.get_context('spawn')
 
     def rows(self, tasks: Sequence[Task], stop: Stop) -> Iterator[Row]:
         """Yield rows as they are done; leaves undone what is not when ``stop()`` says so."""
@@ -62,10 +76,10 @@ class LocalPool:
             suspects: list[Sequence[Task]] = [[task] for task in reversed(lost)]
             while suspects:
                 for index, _, _ in (yield from self._fly(suspects, 1, 1, stop)):
-                    yield {"index": index, "outcome": "crashed", "error": "its process died"}
+                    yield {'index': index, 'outcome': 'crashed', 'error': 'its process died'}
                     crashes += 1
                 if crashes > _MOST_CRASHES:
-                    raise EngineError(f"{crashes} worker processes have died")
+                    raise EngineError(f'{crashes} worker processes have died')
 
     def close(self) -> None:
         """Nothing to leave: every pool ends with its work."""
@@ -122,10 +136,10 @@ class DaskCluster:
             ) from None
         self._distributed = distributed
         try:
-            self._client: Any = distributed.Client(address, timeout="5s")
+            self._client: Any = distributed.Client(address, timeout='5s')
         except (OSError, ValueError, TypeError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise EngineError(f"--scheduler {address}: {reason}") from None
+            raise EngineError(f'--scheduler {address}: {reason}') from None
         self._bases = bases
         self._check_workers(address)
 
@@ -134,13 +148,13 @@ class DaskCluster:
         found = self._client.run(code_version)
         if not found:
             self.close()
-            raise EngineError(f"--scheduler {address}: no workers")
+            raise EngineError(f'--scheduler {address}: no workers')
         mine = code_version()
         for worker, theirs in found.items():
             other = sorted(key for key in mine if theirs.get(key) != mine[key])
             if other:
                 self.close()
-                raise EngineError(f"--scheduler {address}: {worker} differs in {', '.join(other)}")
+                raise EngineError(f'--scheduler {address}: {worker} differs in {", ".join(other)}')
         self._workers = len(found)
 
     def rows(self, tasks: Sequence[Task], stop: Stop) -> Iterator[Row]:
@@ -166,7 +180,7 @@ class DaskCluster:
 
     def _wait(self, futures: list[Any]) -> None:
         try:
-            self._distributed.wait(futures, timeout=_POLL_S, return_when="FIRST_COMPLETED")
+            self._distributed.wait(futures, timeout=_POLL_S, return_when='FIRST_COMPLETED')
         except (TimeoutError, self._distributed.TimeoutError):
             return
 
@@ -176,10 +190,10 @@ class DaskCluster:
 
 
 def _result(future: Any, part: Sequence[Task]) -> list[Row]:
-    if future.status == "finished":
+    if future.status == 'finished':
         rows: list[Row] = future.result()
         return rows
-    error = future.exception() if future.status == "error" else None
-    outcome = "crashed" if type(error).__name__ == "KilledWorker" else "failed"
-    text = f"{type(error).__name__}: {error}"[:300] if error else f"future {future.status}"
-    return [{"index": index, "outcome": outcome, "error": text} for index, _, _ in part]
+    error = future.exception() if future.status == 'error' else None
+    outcome = 'crashed' if type(error).__name__ == 'KilledWorker' else 'failed'
+    text = f'{type(error).__name__}: {error}'[:300] if error else f'future {future.status}'
+    return [{'index': index, 'outcome': outcome, 'error': text} for index, _, _ in part]

@@ -1,29 +1,42 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Pictures of a sweep: a map over two parameters with the stability boundary, or a curve."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+import itertools
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from flexarm_ros.analysis.figures_style import BLUE, GREY, ORANGE, SETTINGS, new_figure, save
+from flexarm_ros.analysis.figures_style import BLUE, GREY, new_figure, ORANGE, save, SETTINGS
 from flexarm_ros.analysis.sweep_store import Table
 from flexarm_ros.core.parameters import SECTIONS, specs
 from flexarm_ros.scenario.axes import Parameter
 from flexarm_ros.scenario.sweep import Sweep
+import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MOST_PICTURES = 12
-_METRIC_UNITS = {"max_torque": "N m", "ticks": "", "unstable_tick": ""}
+_METRIC_UNITS = {'max_torque': 'N m', 'ticks': '', 'unstable_tick': ''}
 
 
 @dataclass(frozen=True)
@@ -48,7 +61,7 @@ def write_pictures(sweep: Sweep, table: Table, out: Path) -> list[Path]:
     plan = sweep.map
     if plan is None or plan.value not in table:
         return []
-    others = [name for name in ("scenario", *sweep.axes) if name not in (plan.x, plan.y)]
+    others = [name for name in ('scenario', *sweep.axes) if name not in (plan.x, plan.y)]
     keys = sorted(set(zip(*(map(str, table[name]) for name in others), strict=True)))
     out.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
@@ -61,14 +74,14 @@ def write_pictures(sweep: Sweep, table: Table, out: Path) -> list[Path]:
 
 
 def _stem(value: str, sweep: Sweep, key: Sequence[str]) -> str:
-    text = "_".join([value, *key])
-    return "".join(c if c.isalnum() or c in "._-" else "_" for c in text)[:120]
+    text = '_'.join([value, *key])
+    return ''.join(c if c.isalnum() or c in '._-' else '_' for c in text)[:120]
 
 
 def _cells(sweep: Sweep, table: Table, fixed: dict[str, str]) -> _Cells:
     plan = sweep.map
     assert plan is not None
-    size = len(table["index"])
+    size = len(table['index'])
     chosen = [i for i in range(size) if all(str(table[k][i]) == v for k, v in fixed.items())]
     xs = _positions(table[plan.x])
     ys = _positions(table[plan.y]) if plan.y else [0.0] * size
@@ -78,20 +91,20 @@ def _cells(sweep: Sweep, table: Table, fixed: dict[str, str]) -> _Cells:
         groups.setdefault((xs[i], ys[i]), []).append(i)
     value, share = np.full((len(y), len(x)), np.nan), np.full((len(y), len(x)), np.nan)
     for (row, b), (column, a) in itertools.product(enumerate(y), enumerate(x)):
-        runs = [i for i in groups.get((a, b), []) if table["stable"][i] is not None]
+        runs = [i for i in groups.get((a, b), []) if table['stable'][i] is not None]
         if runs:
-            share[row, column] = sum(map(bool, (table["stable"][i] for i in runs))) / len(runs)
-        found = [table[plan.value][i] for i in runs if table["stable"][i]]
+            share[row, column] = sum(map(bool, (table['stable'][i] for i in runs))) / len(runs)
+        found = [table[plan.value][i] for i in runs if table['stable'][i]]
         known = [float(v) for v in found if v is not None]
         if known:
             value[row, column] = median(known)
-    title = ", ".join(v if k == "scenario" else f"{_short(k)} {v}" for k, v in fixed.items())
+    title = ', '.join(v if k == 'scenario' else f'{_short(k)} {v}' for k, v in fixed.items())
     return _Cells(title, x, y, value, share)
 
 
 def _positions(column: Sequence[Any]) -> list[float]:
     """Return where values are drawn; of an array of two the first one counts."""
-    return [float(str(v).strip("[]").split(",")[0]) for v in column]
+    return [float(str(v).strip('[]').split(',')[0]) for v in column]
 
 
 def _map_figure(sweep: Sweep, cells: _Cells) -> Figure:
@@ -104,15 +117,15 @@ def _map_figure(sweep: Sweep, cells: _Cells) -> Figure:
     x, y = _edges(cells.x), _edges(cells.y)
     axis.grid(False)
     unstable = np.where(cells.share == 0.0, 1.0, np.nan)
-    axis.pcolormesh(x, y, unstable, cmap=ListedColormap(["#d9d9d9"]), vmin=0, vmax=1)
-    mesh = axis.pcolormesh(x, y, cells.value, cmap="viridis_r")
+    axis.pcolormesh(x, y, unstable, cmap=ListedColormap(['#d9d9d9']), vmin=0, vmax=1)
+    mesh = axis.pcolormesh(x, y, cells.value, cmap='viridis_r')
     if np.isfinite(cells.value).any():
         figure.colorbar(mesh, ax=axis, label=_metric_label(plan.value))
     _boundary(axis, cells)
     axis.set(xlabel=_label(plan.x), ylabel=_label(plan.y), title=cells.title)
-    axis.plot([], [], "s", color="#d9d9d9", label="unstable")
-    axis.plot([], [], color=ORANGE, label="stability boundary")
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
+    axis.plot([], [], 's', color='#d9d9d9', label='unstable')
+    axis.plot([], [], color=ORANGE, label='stability boundary')
+    axis.legend(loc='upper center', bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
     return figure
 
 
@@ -132,7 +145,7 @@ def _boundary(axis: Axes, cells: _Cells) -> None:
                     if down
                     else ([x[column + 1]] * 2, [y[row], y[row + 1]])
                 )
-                axis.plot(*ends, color=ORANGE, linewidth=2.2, solid_capstyle="round")
+                axis.plot(*ends, color=ORANGE, linewidth=2.2, solid_capstyle='round')
 
 
 def _edges(centres: Sequence[float]) -> NDArray[np.float64]:
@@ -151,26 +164,26 @@ def _curve_figure(sweep: Sweep, cells: _Cells) -> Figure:
     assert plan is not None
     figure = new_figure(6.4, 4.0)
     axis = figure.add_subplot()
-    axis.plot(cells.x, cells.value[0], "o-", color=BLUE, markersize=3.5)
+    axis.plot(cells.x, cells.value[0], 'o-', color=BLUE, markersize=3.5)
     for place, share in zip(cells.x, cells.share[0], strict=True):
         if share < 0.5:
             axis.axvline(place, color=GREY, linewidth=0.8, alpha=0.6)
-    axis.plot([], [], color=GREY, linewidth=0.8, label="unstable")
+    axis.plot([], [], color=GREY, linewidth=0.8, label='unstable')
     axis.set(xlabel=_label(plan.x), ylabel=_metric_label(plan.value), title=cells.title)
     axis.legend()
     return figure
 
 
 def _short(name: str) -> str:
-    return name.rpartition(".")[2].replace("_", " ")
+    return name.rpartition('.')[2].replace('_', ' ')
 
 
 def _label(name: str) -> str:
     parameter = Parameter.named(name)
     unit = specs(SECTIONS[parameter.section])[parameter.key][1].unit
-    return name.replace("_", " ").replace(".", ": ") + (f", {unit}" if unit else "")
+    return name.replace('_', ' ').replace('.', ': ') + (f', {unit}' if unit else '')
 
 
 def _metric_label(name: str) -> str:
-    unit = _METRIC_UNITS.get(name, "m")
-    return name.replace("_", " ") + (f", {unit}" if unit else "")
+    unit = _METRIC_UNITS.get(name, 'm')
+    return name.replace('_', ' ') + (f', {unit}' if unit else '')

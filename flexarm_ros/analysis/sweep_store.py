@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The directory of a sweep: rows as they come, and the table that is made of them.
 
 ``rows.jsonl`` grows by a line a run, so that a sweep that was cut off goes on where it
@@ -7,12 +21,12 @@ whatever computed the rows and however often it was cut off.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 import csv
 import fcntl
 import io
 import json
 import os
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,14 +34,14 @@ from typing import Any
 from flexarm_ros.analysis.sweep_worker import OUTCOMES, Row
 from flexarm_ros.scenario.sweep import Sweep
 
-IDENTITY, ROWS, TABLE, PARQUET = "sweep.json", "rows.jsonl", "table.csv", "table.parquet"
+IDENTITY, ROWS, TABLE, PARQUET = 'sweep.json', 'rows.jsonl', 'table.csv', 'table.parquet'
 
-_FIRST = ("index",)
+_FIRST = ('index',)
 _LAST = (
-    "outcome", "error", "stable", "unstable_tick", "ticks", "rms_error", "max_error",
-    "tip_rms_error", "tip_max_error", "max_overshoot", "max_deflection", "max_torque",
+    'outcome', 'error', 'stable', 'unstable_tick', 'ticks', 'rms_error', 'max_error',
+    'tip_rms_error', 'tip_max_error', 'max_overshoot', 'max_deflection', 'max_torque',
 )  # fmt: skip
-_LISTS = ("overshoot", "tip_overshoot")
+_LISTS = ('overshoot', 'tip_overshoot')
 
 Cell = Any
 Table = dict[str, list[Cell]]
@@ -48,12 +62,12 @@ class SweepStore:
     def __enter__(self) -> SweepStore:
         self.directory.mkdir(parents=True, exist_ok=True)
         self._claim()
-        self._file = open(self.directory / ROWS, "a+b")
+        self._file = open(self.directory / ROWS, 'a+b')
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._file.close()
-            raise StoreError(f"{self.directory}: another sweep is writing here") from None
+            raise StoreError(f'{self.directory}: another sweep is writing here') from None
         self._read()
         return self
 
@@ -70,25 +84,25 @@ class SweepStore:
         path = self.directory / IDENTITY
         if not path.exists():
             if any(self.directory.iterdir()):
-                raise StoreError(f"{self.directory}: exists already, not overwritten")
-            held = {"name": self._sweep.name, "runs": self._sweep.count}
-            _replace(path, json.dumps({**held, "digest": self._sweep.digest()}, indent=2) + "\n")
+                raise StoreError(f'{self.directory}: exists already, not overwritten')
+            held = {'name': self._sweep.name, 'runs': self._sweep.count}
+            _replace(path, json.dumps({**held, 'digest': self._sweep.digest()}, indent=2) + '\n')
             return
         try:
-            digest = json.loads(path.read_text("utf-8"))["digest"]
+            digest = json.loads(path.read_text('utf-8'))['digest']
         except (ValueError, KeyError, TypeError):
             digest = None
         if digest != self._sweep.digest():
             raise StoreError(
-                f"{self.directory}: holds another sweep (or this one, changed since); "
-                "give another directory"
+                f'{self.directory}: holds another sweep (or this one, changed since); '
+                'give another directory'
             )
 
     def _read(self) -> None:
         """Take the rows of earlier; a last line that was cut off is dropped."""
         self._file.seek(0)
         data = self._file.read()
-        whole = data[: data.rfind(b"\n") + 1]
+        whole = data[: data.rfind(b'\n') + 1]
         if len(whole) < len(data):
             self._file.truncate(len(whole))
         for line in whole.splitlines():
@@ -96,9 +110,9 @@ class SweepStore:
                 row = json.loads(line)
             except ValueError:
                 continue
-            known = isinstance(row, dict) and row.get("outcome") in OUTCOMES
-            if known and 0 <= row.get("index", -1) < self._sweep.count:
-                self.rows[row["index"]] = row
+            known = isinstance(row, dict) and row.get('outcome') in OUTCOMES
+            if known and 0 <= row.get('index', -1) < self._sweep.count:
+                self.rows[row['index']] = row
 
     def missing(self) -> list[int]:
         """Return the indices of the runs that are still to be done."""
@@ -106,13 +120,13 @@ class SweepStore:
 
     def add(self, row: Row) -> None:
         """Take a row and hand it to the operating system."""
-        self.rows[row["index"]] = row
-        self._file.write(json.dumps(row).encode() + b"\n")
+        self.rows[row['index']] = row
+        self._file.write(json.dumps(row).encode() + b'\n')
         self._file.flush()
 
     def counts(self) -> dict[str, int]:
         """Return how many runs had each outcome."""
-        outcomes = [row["outcome"] for row in self.rows.values()]
+        outcomes = [row['outcome'] for row in self.rows.values()]
         return {outcome: n for outcome in OUTCOMES if (n := outcomes.count(outcome))}
 
     def write(self) -> tuple[Table, list[Path]]:
@@ -127,8 +141,8 @@ class SweepStore:
 def make_table(sweep: Sweep, rows: dict[int, Row]) -> Table:
     """Return the table of the rows that there are, ordered by index."""
     ordered = [rows[index] for index in sorted(rows)]
-    table: Table = {"index": [row["index"] for row in ordered]}
-    swept = [sweep.case(row["index"]).values for row in ordered]
+    table: Table = {'index': [row['index'] for row in ordered]}
+    swept = [sweep.case(row['index']).values for row in ordered]
     for name in sweep.columns:
         table[name] = _typed([values[name] for values in swept])
     for name in _LAST:
@@ -136,7 +150,7 @@ def make_table(sweep: Sweep, rows: dict[int, Row]) -> Table:
     for name in _LISTS:
         lists = [row.get(name) or [] for row in ordered]
         for place in range(max(map(len, lists), default=0)):
-            table[f"{name}[{place}]"] = [
+            table[f'{name}[{place}]'] = [
                 values[place] if place < len(values) else None for values in lists
             ]
     return table
@@ -157,7 +171,7 @@ def _typed(texts: Sequence[str]) -> list[Cell]:
 def csv_text(table: Table) -> str:
     """Return a table as CSV: numbers that read back exactly, nothing where nothing is known."""
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+    writer = csv.writer(out, lineterminator='\n')
     writer.writerow(table)
     writer.writerows([_cell(value) for value in row] for row in _transposed(table))
     return out.getvalue()
@@ -169,7 +183,7 @@ def _transposed(table: Table) -> Iterable[tuple[Cell, ...]]:
 
 def _cell(value: Cell) -> str:
     if value is None:
-        return ""
+        return ''
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, float) else str(value)
@@ -182,13 +196,13 @@ def write_parquet(table: Table, path: Path) -> Path | None:
         import pyarrow.parquet
     except ImportError:
         return None
-    temporary = path.with_name(path.name + ".tmp")
+    temporary = path.with_name(path.name + '.tmp')
     pyarrow.parquet.write_table(pyarrow.table(table), temporary)
     os.replace(temporary, path)
     return path
 
 
 def _replace(path: Path, text: str) -> None:
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(text, encoding="utf-8", newline="")
+    temporary = path.with_name(path.name + '.tmp')
+    temporary.write_text(text, encoding='utf-8', newline='')
     os.replace(temporary, path)

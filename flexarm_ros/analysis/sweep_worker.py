@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One run of a sweep, in whatever process it lands: metrics only, no files.
 
 Numpy and the compiled core are imported within the functions, so that a worker can first
@@ -6,12 +20,12 @@ say that its linear algebra shall use one thread.
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 from collections.abc import Callable, Sequence
 from multiprocessing import parent_process
 from multiprocessing.synchronize import Event
+import os
+import signal
+import threading
 from typing import Any
 
 from flexarm_ros.core.parameters import RunConfig
@@ -22,7 +36,7 @@ Task = tuple[int, int, tuple[str, ...]]
 Row = dict[str, Any]
 """``index``, ``outcome``, ``error``, ``unstable_tick`` and the metrics of ``summary.json``."""
 
-OUTCOMES = ("stable", "unstable", "invalid", "failed", "crashed")
+OUTCOMES = ('stable', 'unstable', 'invalid', 'failed', 'crashed')
 _STOP_EVERY = 512
 
 
@@ -52,10 +66,10 @@ def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
             raise Stopped
     stable = loop.unstable is None
     return {
-        "outcome": "stable" if stable else "unstable",
-        "error": loop.unstable or "",
-        "stable": stable,
-        "unstable_tick": loop.unstable_tick,
+        'outcome': 'stable' if stable else 'unstable',
+        'error': loop.unstable or '',
+        'stable': stable,
+        'unstable_tick': loop.unstable_tick,
         **metrics.result(),
     }
 
@@ -68,14 +82,14 @@ def run_task(
 
     index, base, overrides = task
     try:
-        return {"index": index, **fly(with_values(bases[base], overrides), stop)}
+        return {'index': index, **fly(with_values(bases[base], overrides), stop)}
     except ScenarioError as error:
-        return {"index": index, "outcome": "invalid", "error": str(error)}
+        return {'index': index, 'outcome': 'invalid', 'error': str(error)}
     except Stopped:
         raise
     except Exception as error:
-        text = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        return {"index": index, "outcome": "failed", "error": text}
+        text = ' '.join(f'{type(error).__name__}: {error}'.split())[:300]
+        return {'index': index, 'outcome': 'failed', 'error': text}
 
 
 _bases: Sequence[RunConfig] = ()
@@ -86,7 +100,7 @@ def start_worker(bases: Sequence[RunConfig], stop: Event) -> None:
     """Prepare a worker process: the scenarios, no signals of the terminal, one thread."""
     global _bases, _stop
     _bases, _stop = bases, stop
-    os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+    os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'
     for signum in (signal.SIGINT, signal.SIGTERM):
         signal.signal(signum, signal.SIG_IGN)
     threading.Thread(target=_follow_parent, daemon=True).start()
@@ -124,4 +138,4 @@ def code_version() -> dict[str, str]:
     from flexarm_ros.bag.provenance import Provenance
 
     here = Provenance.here()
-    return {**here.versions, "digest": here.digest}
+    return {**here.versions, 'digest': here.digest}

@@ -1,14 +1,25 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``fa.FlexArmEnv``: the arm, its sensors and its task as a Gymnasium environment."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexarm_ros.api.extras import extra
-from flexarm_ros.api.simulation import Scenario, configure
+from flexarm_ros.api.simulation import configure, Scenario
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.kinematics import rigid_point
 from flexarm_ros.core.parameters import RunConfig
@@ -16,8 +27,10 @@ from flexarm_ros.core.plant import DEFLECTION_LIMIT, instability, make_plant
 from flexarm_ros.core.sensors import Encoder, TipSensor
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference
+import numpy as np
+from numpy.typing import NDArray
 
-with extra("gymnasium"):
+with extra('gymnasium'):
     import gymnasium
 
 SEEDS = 2**31 - 1
@@ -50,14 +63,14 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         Sections and values as for :func:`flexarm_ros.simulate`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {'render_modes': []}
 
     def __init__(
-        self, scenario: Scenario = "fls_tip", hold: int = 10, torque: float | None = None,
+        self, scenario: Scenario = 'fls_tip', hold: int = 10, torque: float | None = None,
         **changes: Any,
     ) -> None:  # fmt: skip
         if hold < 1:
-            raise ValueError(f"hold: {hold!r} ticks, allowed: 1 or more")
+            raise ValueError(f'hold: {hold!r} ticks, allowed: 1 or more')
         self._base = configure(scenario, **changes)
         self._hold = int(hold)
         self._torque = float(torque or self._base.controller.torque_limit or TORQUE)
@@ -74,7 +87,7 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         """
         super().reset(seed=seed)
         noise = int(self.np_random.integers(SEEDS))
-        self._start(configure(self._base, **{"seed": noise, **(options or {})}))
+        self._start(configure(self._base, **{'seed': noise, **(options or {})}))
         return self._observe(), self._info()
 
     def _start(self, config: RunConfig) -> None:
@@ -102,7 +115,7 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         if unstable is None:
             return self._observe(), -float(np.mean(errors)), False, truncated, self._info()
         left = 1 + (self._ticks - self._k) // self._hold
-        info = {**self._info(), "unstable": unstable}
+        info = {**self._info(), 'unstable': unstable}
         return self._observe(), -DEFLECTION_LIMIT * left, True, False, info
 
     def _measure(self) -> None:
@@ -124,4 +137,4 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         return float(np.hypot(x - target[0], y - target[1]))
 
     def _info(self) -> dict[str, Any]:
-        return {"tick": self._k}
+        return {'tick': self._k}

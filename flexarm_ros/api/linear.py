@@ -1,11 +1,25 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``fa.linearize`` and ``fa.linear_law``: the loop's two halves for python-control."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
-from flexarm_ros.api.simulation import Scenario, configure
+from flexarm_ros.api.simulation import configure, Scenario
 from flexarm_ros.core import linear_model
 from flexarm_ros.core.linear_model import DEFLECTION, ENCODER, TIP_SENSOR, TORQUES
 from flexarm_ros.core.modes import linearise
@@ -17,7 +31,7 @@ from flexarm_ros.core.trajectory import initial_angles
 if TYPE_CHECKING:
     import control
 
-OUTPUTS = ("feedback", "encoder", "tip_sensor", "deflection", "state", "law", "all")
+OUTPUTS = ('feedback', 'encoder', 'tip_sensor', 'deflection', 'state', 'law', 'all')
 
 
 def linearize(
@@ -25,7 +39,7 @@ def linearize(
     theta2: float | None = None,
     theta1: float | None = None,
     *,
-    outputs: str = "feedback",
+    outputs: str = 'feedback',
     continuous: bool = False,
     **changes: Any,
 ) -> control.StateSpace:
@@ -62,17 +76,17 @@ def linearize(
     ScenarioError, ValueError
         For a bad scenario; for a sensor that has no time-invariant model.
     """
-    with extra("control"):
+    with extra('control'):
         import control
 
     if outputs not in OUTPUTS:
-        raise ValueError(f"outputs: {outputs!r}, allowed: {', '.join(OUTPUTS)}")
+        raise ValueError(f'outputs: {outputs!r}, allowed: {", ".join(OUTPUTS)}')
     config = configure(scenario, **changes)
     model = linear_model.linear_model(config, *_pose(config, theta1, theta2), continuous)
     model = model.select(_names(config, model, outputs))
     return control.ss(
         model.a, model.b, model.c, model.d, *([] if continuous else [model.period]),
-        states=list(model.states), inputs=list(TORQUES), outputs=list(model.outputs), name="arm",
+        states=list(model.states), inputs=list(TORQUES), outputs=list(model.outputs), name='arm',
     )  # fmt: skip
 
 
@@ -95,7 +109,7 @@ def linear_law(
     NoLinearFormError
         A ``ValueError``, for a law that has no linear form, ``open_loop``.
     """
-    with extra("control"):
+    with extra('control'):
         import control
 
     config = configure(scenario, **changes)
@@ -105,7 +119,7 @@ def linear_law(
     model = linear_model.linear_model(config, angle1, angle2)
     return control.ss(
         law.a, law.b, law.c, law.d, Timeline.of(config.run).period,
-        inputs=list(_names(config, model, "law")), outputs=list(TORQUES), name="law",
+        inputs=list(_names(config, model, 'law')), outputs=list(TORQUES), name='law',
     )  # fmt: skip
 
 
@@ -120,13 +134,13 @@ def _pose(config: RunConfig, theta1: float | None, theta2: float | None) -> tupl
 def _names(config: RunConfig, model: linear_model.LinearModel, outputs: str) -> tuple[str, ...]:
     """Return the names of a choice of outputs."""
     state = model.outputs[: 4 + 4 * config.plant.modes]
-    feedback = ENCODER if config.controller.feedback == "encoder" else TIP_SENSOR
+    feedback = ENCODER if config.controller.feedback == 'encoder' else TIP_SENSOR
     return {
-        "feedback": feedback,
-        "encoder": ENCODER,
-        "tip_sensor": TIP_SENSOR,
-        "deflection": DEFLECTION,
-        "state": state,
-        "law": (*state, *ENCODER, *TIP_SENSOR),
-        "all": model.outputs,
+        'feedback': feedback,
+        'encoder': ENCODER,
+        'tip_sensor': TIP_SENSOR,
+        'deflection': DEFLECTION,
+        'state': state,
+        'law': (*state, *ENCODER, *TIP_SENSOR),
+        'all': model.outputs,
     }[outputs]

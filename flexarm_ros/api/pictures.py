@@ -1,12 +1,26 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``fa.plot`` and ``fa.report``: pictures and the HTML page of one run or of several."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import io
 import os
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.analysis import figures_style
 from flexarm_ros.analysis import report_runs as read
@@ -16,10 +30,10 @@ from flexarm_ros.core.rows import COLUMNS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KINDS = ("paths", "corners", "signals", "fls")
+KINDS = ('paths', 'corners', 'signals', 'fls')
 
 
-def plot(runs: Run | Sequence[Run], kind: str = "paths") -> Figure:
+def plot(runs: Run | Sequence[Run], kind: str = 'paths') -> Figure:
     """Draw one run, or several over one another, and return the matplotlib figure.
 
     Parameters
@@ -40,7 +54,7 @@ def plot(runs: Run | Sequence[Run], kind: str = "paths") -> Figure:
     import matplotlib
 
     if kind not in KINDS:
-        raise ValueError(f"kind: {kind!r}, allowed: {', '.join(KINDS)}")
+        raise ValueError(f'kind: {kind!r}, allowed: {", ".join(KINDS)}')
     groups = figures_style.panels(_as_read(runs))
     with matplotlib.rc_context(figures_style.SETTINGS):
         return _shown(_draw(groups, kind))
@@ -50,17 +64,17 @@ def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
     from flexarm_ros.analysis import figures
     from flexarm_ros.analysis.figures_corners import corner_figure
 
-    if kind == "paths":
+    if kind == 'paths':
         return figures.path_figure(groups)
-    if kind == "signals":
+    if kind == 'signals':
         return figures.signal_figure(groups[0])
-    if kind == "corners":
+    if kind == 'corners':
         if not any(figures_style.group_switches(group) for group in groups):
             raise ValueError("kind: 'corners', but the reference never switches its direction")
         return corner_figure(groups)
     from flexarm_ros.analysis.figures_fls import fls_figure
 
-    fuzzy = [run for group in groups for run in group.runs if run.law == "fls"]
+    fuzzy = [run for group in groups for run in group.runs if run.law == 'fls']
     if not fuzzy:
         raise ValueError("kind: 'fls', but no run has controller.law: fls")
     return fls_figure(fuzzy)
@@ -90,7 +104,7 @@ def _as_read(runs: Run | Sequence[Run]) -> list[read.Run]:
     """Return runs as the pictures take them."""
     some = [runs] if isinstance(runs, Run) else list(runs)
     if not some:
-        raise ValueError("runs: none given")
+        raise ValueError('runs: none given')
     return [
         read.Run(
             run.directory or Path(run.name),
@@ -107,7 +121,7 @@ def _shown(figure: Figure) -> Figure:
 
     def png() -> bytes:
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=110)
+        figure.savefig(buffer, format='png', dpi=110)
         return buffer.getvalue()
 
     held: Any = figure

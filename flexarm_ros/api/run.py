@@ -1,67 +1,80 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A run in memory: its rows, its summary, and other libraries' forms of them."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.rows import COLUMNS, Row
+import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     import pandas
     import xarray
-    from matplotlib.figure import Figure
 
 UNITS = {
-    **dict.fromkeys(("t",), "s"),
-    **dict.fromkeys(("theta1", "theta2"), "rad"),
-    **dict.fromkeys(("dtheta1", "dtheta2"), "rad/s"),
-    **dict.fromkeys(("tau1", "tau2"), "N m"),
-    "lambda": "",
+    **dict.fromkeys(('t',), 's'),
+    **dict.fromkeys(('theta1', 'theta2'), 'rad'),
+    **dict.fromkeys(('dtheta1', 'dtheta2'), 'rad/s'),
+    **dict.fromkeys(('tau1', 'tau2'), 'N m'),
+    'lambda': '',
 }
 """Unit of each column that is not in metres."""
 
 MEANINGS = {
-    "t": "simulated time",
-    "theta1": "tangent of link 1 at the shoulder, from x",
-    "theta2": "tangent of link 2 at the elbow, from the tangent at the end of link 1",
-    "dtheta1": "rate of theta1",
-    "dtheta2": "rate of theta2",
-    "delta1": "end deflection of link 1, to the left positive",
-    "delta2": "end deflection of link 2, to the left positive",
-    "elbow_x": "elbow, with deflection",
-    "elbow_y": "elbow, with deflection",
-    "tip_x": "tip, with deflection",
-    "tip_y": "tip, with deflection",
-    "rigid_x": "end effector by the kinematics of the joint angles",
-    "rigid_y": "end effector by the kinematics of the joint angles",
-    "meas_x": "what the tip sensor delivered",
-    "meas_y": "what the tip sensor delivered",
-    "ref_x": "reference, not delayed",
-    "ref_y": "reference, not delayed",
-    "tau1": "torque at the shoulder, held for a tick",
-    "tau2": "torque at the elbow, held for a tick",
-    "lambda": "the fuzzy law's gain",
+    't': 'simulated time',
+    'theta1': 'tangent of link 1 at the shoulder, from x',
+    'theta2': 'tangent of link 2 at the elbow, from the tangent at the end of link 1',
+    'dtheta1': 'rate of theta1',
+    'dtheta2': 'rate of theta2',
+    'delta1': 'end deflection of link 1, to the left positive',
+    'delta2': 'end deflection of link 2, to the left positive',
+    'elbow_x': 'elbow, with deflection',
+    'elbow_y': 'elbow, with deflection',
+    'tip_x': 'tip, with deflection',
+    'tip_y': 'tip, with deflection',
+    'rigid_x': 'end effector by the kinematics of the joint angles',
+    'rigid_y': 'end effector by the kinematics of the joint angles',
+    'meas_x': 'what the tip sensor delivered',
+    'meas_y': 'what the tip sensor delivered',
+    'ref_x': 'reference, not delayed',
+    'ref_y': 'reference, not delayed',
+    'tau1': 'torque at the shoulder, held for a tick',
+    'tau2': 'torque at the elbow, held for a tick',
+    'lambda': "the fuzzy law's gain",
 }
 """What each column is; frame ``base``, angles counter-clockwise."""
 
-SHOWN = ("stable", "rms_error", "max_error", "max_overshoot", "max_deflection", "max_torque")
+SHOWN = ('stable', 'rms_error', 'max_error', 'max_overshoot', 'max_deflection', 'max_torque')
 
 Table = NDArray[np.void]
 
 
 def unit_of(column: str) -> str:
     """Return the unit of a column."""
-    return UNITS.get(column, "m")
+    return UNITS.get(column, 'm')
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -90,13 +103,13 @@ class Run:
     @property
     def stable(self) -> bool | None:
         """Whether the arm stayed stable; None for a run that was broken off."""
-        stable: bool | None = self.summary.get("stable")
+        stable: bool | None = self.summary.get('stable')
         return stable
 
     @property
     def scenario(self) -> Mapping[str, Mapping[str, Any]]:
         """The resolved parameters, ``{section: {key: value}}``."""
-        scenario: Mapping[str, Mapping[str, Any]] = self.summary["scenario"]
+        scenario: Mapping[str, Mapping[str, Any]] = self.summary['scenario']
         return scenario
 
     def to_numpy(self) -> FloatArray:
@@ -105,30 +118,30 @@ class Run:
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the rows as a frame with the time ``t``, s, as its index (needs pandas)."""
-        with extra("pandas"):
+        with extra('pandas'):
             import pandas
 
         frame = pandas.DataFrame({name: self.trajectory[name] for name in COLUMNS[1:]})
-        frame.index = pandas.Index(self.trajectory["t"], name="t")
-        frame.attrs = {"name": self.name, "units": {name: unit_of(name) for name in COLUMNS}}
+        frame.index = pandas.Index(self.trajectory['t'], name='t')
+        frame.attrs = {'name': self.name, 'units': {name: unit_of(name) for name in COLUMNS}}
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the rows over the coordinate ``t``, with units and meanings (needs xarray)."""
-        with extra("xarray"):
+        with extra('xarray'):
             import xarray
 
         def described(name: str) -> tuple[str, FloatArray, dict[str, str]]:
-            notes = {"units": unit_of(name), "long_name": MEANINGS[name]}
-            return "t", self.trajectory[name].copy(), notes
+            notes = {'units': unit_of(name), 'long_name': MEANINGS[name]}
+            return 't', self.trajectory[name].copy(), notes
 
         return xarray.Dataset(
             {name: described(name) for name in COLUMNS[1:]},
-            coords={"t": described("t")},
-            attrs={"name": self.name, "stable": str(self.stable)},
+            coords={'t': described('t')},
+            attrs={'name': self.name, 'stable': str(self.stable)},
         )
 
-    def plot(self, kind: str = "paths") -> Figure:
+    def plot(self, kind: str = 'paths') -> Figure:
         """Return a matplotlib figure: ``paths``, ``corners``, ``signals`` or ``fls``."""
         from flexarm_ros.api.pictures import plot
 
@@ -141,16 +154,16 @@ class Run:
         return report(self, path)
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{key}={_brief(self.summary.get(key))}" for key in SHOWN)
-        return f"<Run {self.name}: {len(self.trajectory)} ticks, {values}>"
+        values = ', '.join(f'{key}={_brief(self.summary.get(key))}' for key in SHOWN)
+        return f'<Run {self.name}: {len(self.trajectory)} ticks, {values}>'
 
     def _repr_html_(self) -> str:
         """Return the metrics as a small table; notebooks show that."""
-        rows = "".join(
+        rows = ''.join(
             f"<tr><th scope='row'>{key}</th><td>{_brief(self.summary.get(key))}</td></tr>"
-            for key in ("ticks", *SHOWN)
+            for key in ('ticks', *SHOWN)
         )
-        return f"<table><caption>{escape(self.name)}</caption>{rows}</table>"
+        return f'<table><caption>{escape(self.name)}</caption>{rows}</table>'
 
 
 def load(path: str | os.PathLike[str]) -> Run:
@@ -188,4 +201,4 @@ def _structured(columns: Sequence[FloatArray], length: int) -> Table:
 
 
 def _brief(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f'{value:.4g}' if isinstance(value, float) else str(value)

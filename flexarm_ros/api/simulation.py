@@ -1,18 +1,29 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``fa.configure`` and ``fa.simulate``: a scenario from Python, flown in this process."""
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Iterator, Mapping
+import os
 from pathlib import Path
+import time
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from flexarm_ros import scenario as scenarios
-from flexarm_ros.api.run import Run, load, table_of
+from flexarm_ros.api.run import load, Run, table_of
 from flexarm_ros.bag import outputs
 from flexarm_ros.bag import simulation as recorded
 from flexarm_ros.bag.blocks import Block
@@ -21,12 +32,14 @@ from flexarm_ros.core.loop import ClosedLoop
 from flexarm_ros.core.metrics import Metrics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.rows import Row, Rows
+import numpy as np
+from numpy.typing import ArrayLike
 
 Section = Mapping[str, Any]
 Scenario = str | os.PathLike[str] | Mapping[str, Section] | RunConfig
 """A shipped scenario's name, a file, ``{section: {key: value}}``, or what ``configure`` gave."""
 
-OWN = "/**"
+OWN = '/**'
 
 
 def configure(
@@ -64,10 +77,10 @@ def configure(
         One line that names the key, the value and what is allowed.
     """
     own = {**(run or {})}
-    own.update({k: v for k, v in (("duration", duration), ("seed", seed)) if v is not None})
+    own.update({k: v for k, v in (('duration', duration), ('seed', seed)) if v is not None})
     given: dict[str, Section | None] = {
-        OWN: own, "plant": plant, "encoder": encoder, "tip_sensor": tip_sensor,
-        "trajectory": trajectory, "controller": controller,
+        OWN: own, 'plant': plant, 'encoder': encoder, 'tip_sensor': tip_sensor,
+        'trajectory': trajectory, 'controller': controller,
     }  # fmt: skip
     data = {section: _plain(section, keys) for section, keys in given.items() if keys}
     if isinstance(scenario, RunConfig):
@@ -122,7 +135,7 @@ def simulate(
         trajectory=trajectory, controller=controller, duration=duration, seed=seed,
         torques=torques,
     )  # fmt: skip
-    name = Path(scenario).stem if isinstance(scenario, (str, os.PathLike)) else "run"
+    name = Path(scenario).stem if isinstance(scenario, (str, os.PathLike)) else 'run'
     if out is None:
         return _fly(config, name)
     recorded.simulate(config, out, name)
@@ -160,13 +173,13 @@ def _timed(blocks: Iterator[Block]) -> Iterator[tuple[Block, float]]:
 def _plain(section: str, keys: Any) -> dict[str, Any]:
     """Return values as a file has them: NumPy's become Python's, nested keys dotted."""
     if not isinstance(keys, Mapping):
-        name = "run" if section == OWN else section
-        raise scenarios.ScenarioError(f"{name}: {keys!r} is not a map of keys")
+        name = 'run' if section == OWN else section
+        raise scenarios.ScenarioError(f'{name}: {keys!r} is not a map of keys')
     plain: dict[str, Any] = {}
     for key, value in keys.items():
         if isinstance(value, Mapping):
-            inner = _plain(f"{section}.{key}", value)
-            plain.update({f"{key}.{name}": held for name, held in inner.items()})
+            inner = _plain(f'{section}.{key}', value)
+            plain.update({f'{key}.{name}': held for name, held in inner.items()})
         else:
             plain[str(key)] = _value(value)
     return plain
@@ -182,7 +195,7 @@ def _value(value: Any) -> Any:
 
 def _merged(base: Mapping[str, Section], data: Mapping[str, Section]) -> dict[str, dict[str, Any]]:
     merged = {
-        OWN if section == "run" else section: _plain(section, keys)
+        OWN if section == 'run' else section: _plain(section, keys)
         for section, keys in base.items()
     }
     for section, keys in data.items():
@@ -199,7 +212,7 @@ def _with_torques(
     rows = np.asarray(torques, dtype=float)
     if rows.ndim != 2:
         raise scenarios.ScenarioError(
-            f"torques: an array of shape {rows.shape}; allowed: rows t, tau1, tau2, shape (n, 3)"
+            f'torques: an array of shape {rows.shape}; allowed: rows t, tau1, tau2, shape (n, 3)'
         )
-    data.setdefault("controller", {})["law"] = "open_loop"
+    data.setdefault('controller', {})['law'] = 'open_loop'
     return scenarios.from_dict(data, torques=rows.tolist())

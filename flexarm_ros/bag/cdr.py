@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Fixed-layout CDR codecs of the messages of a run.
 
 Every message of a run has the same names, frames and array lengths at every
@@ -18,8 +32,8 @@ of whoever uses them.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
+import struct
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +42,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
-HEADER = b"\x00\x01\x00\x00"
+HEADER = b'\x00\x01\x00\x00'
 _NS = 1_000_000_000
-_STAMP = struct.Struct("<iI")
+_STAMP = struct.Struct('<iI')
 _STAMP_OFFSET = 4
 
 
@@ -39,7 +53,7 @@ class _Image:
 
     def __init__(self) -> None:
         self.data = bytearray(HEADER)
-        self.fixed = bytearray(b"\x01" * len(HEADER))  # 1: must match, 0: padding or a slot
+        self.fixed = bytearray(b'\x01' * len(HEADER))  # 1: must match, 0: padding or a slot
         self.runs: list[tuple[int, int]] = []  # (offset, number of float64)
 
     def align(self, size: int) -> None:
@@ -48,16 +62,16 @@ class _Image:
         self.fixed += bytes(gap)
 
     def constant(self, code: str, value: float) -> None:
-        raw = struct.pack("<" + code, value)
+        raw = struct.pack('<' + code, value)
         self.align(len(raw))
         self.data += raw
-        self.fixed += b"\x01" * len(raw)
+        self.fixed += b'\x01' * len(raw)
 
     def text(self, value: str) -> None:
-        raw = value.encode() + b"\x00"
-        self.constant("I", len(raw))
+        raw = value.encode() + b'\x00'
+        self.constant('I', len(raw))
         self.data += raw
-        self.fixed += b"\x01" * len(raw)
+        self.fixed += b'\x01' * len(raw)
 
     def stamp(self) -> None:
         self.data += bytes(_STAMP.size)
@@ -73,7 +87,7 @@ class _Image:
 
     def sequence(self, count: int) -> None:
         """A ``float64[]`` of ``count`` values; an empty one has only its length."""
-        self.constant("I", count)
+        self.constant('I', count)
         self.slots(count)
 
 
@@ -95,17 +109,17 @@ class Codec:
         self._packs: list[tuple[int, struct.Struct, int, int]] = []
         start = 0
         for offset, count in image.runs:
-            self._packs.append((offset, struct.Struct(f"<{count}d"), start, start + count))
+            self._packs.append((offset, struct.Struct(f'<{count}d'), start, start + count))
             start += count
         if start != len(self.fields):
-            raise ValueError(f"{type_name}: {start} slots for {len(self.fields)} fields")
+            raise ValueError(f'{type_name}: {start} slots for {len(self.fields)} fields')
 
     def encode(self, stamp_ns: int, *values: float) -> bytes:
         """Return the message with this stamp and ``values`` in order of ``fields``."""
         data = bytearray(self._template)
         _STAMP.pack_into(data, _STAMP_OFFSET, *divmod(stamp_ns, _NS))
         if len(values) != len(self.fields):
-            raise ValueError(f"{self.type_name}: {len(values)} values for {len(self.fields)}")
+            raise ValueError(f'{self.type_name}: {len(values)} values for {len(self.fields)}')
         for offset, packer, start, end in self._packs:
             packer.pack_into(data, offset, *values[start:end])
         return bytes(data)
@@ -113,10 +127,10 @@ class Codec:
     def decode(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """Return ``(stamp_ns, values)``; ValueError where the layout is another one."""
         if len(data) < self.size:
-            raise ValueError(f"{self.type_name}: {len(data)} bytes, at least {self.size} needed")
+            raise ValueError(f'{self.type_name}: {len(data)} bytes, at least {self.size} needed')
         for start, end, expected in self._constants:
             if data[start:end] != expected:
-                raise ValueError(f"{self.type_name}: another layout at byte {start}")
+                raise ValueError(f'{self.type_name}: another layout at byte {start}')
         sec, nanosec = _STAMP.unpack_from(data, _STAMP_OFFSET)
         values: tuple[float, ...] = ()
         for offset, packer, _, _ in self._packs:
@@ -144,12 +158,12 @@ class Codec:
         :meth:`encode` gives one by one.
         """
         rows = np.tile(np.frombuffer(self._template, np.uint8), (len(stamps), 1))
-        pair = np.empty((len(stamps), 2), "<u4")
+        pair = np.empty((len(stamps), 2), '<u4')
         pair[:, 0] = stamps // _NS
         pair[:, 1] = stamps % _NS
         rows[:, _STAMP_OFFSET : _STAMP_OFFSET + 8] = pair.view(np.uint8)
         for offset, _, start, end in self._packs:
-            run = np.ascontiguousarray(values[:, start:end], "<f8")
+            run = np.ascontiguousarray(values[:, start:end], '<f8')
             rows[:, offset : offset + 8 * (end - start)] = run.view(np.uint8)
         return rows
 
@@ -163,18 +177,18 @@ class Codec:
         stamps = np.empty(count, np.int64)
         values = np.empty((count, len(self.fields)))
         same = [i for i, m in enumerate(messages) if len(m) == self.size]
-        rows = np.frombuffer(b"".join([messages[i] for i in same]), np.uint8)
+        rows = np.frombuffer(b''.join([messages[i] for i in same]), np.uint8)
         rows = rows.reshape(len(same), self.size)
         good = np.ones(len(same), bool)
         for start, end, expected in self._constants:
             good &= (rows[:, start:end] == np.frombuffer(expected, np.uint8)).all(axis=1)
         rows, index = rows[good], np.asarray(same, np.int64)[good]
         pair = np.ascontiguousarray(rows[:, _STAMP_OFFSET : _STAMP_OFFSET + 8])
-        stamps[index] = pair[:, :4].copy().view("<i4")[:, 0].astype(np.int64) * _NS
-        stamps[index] += pair[:, 4:].copy().view("<u4")[:, 0]
+        stamps[index] = pair[:, :4].copy().view('<i4')[:, 0].astype(np.int64) * _NS
+        stamps[index] += pair[:, 4:].copy().view('<u4')[:, 0]
         for offset, _, start, end in self._packs:
             run = np.ascontiguousarray(rows[:, offset : offset + 8 * (end - start)])
-            values[index, start:end] = run.view("<f8")
+            values[index, start:end] = run.view('<f8')
         fast = np.zeros(count, bool)
         fast[index] = True
         for i in np.flatnonzero(~fast).tolist():
@@ -184,7 +198,7 @@ class Codec:
 
 def _spans(fixed: bytearray) -> list[tuple[int, int]]:
     """Return the ``(start, end)`` of each run of ones."""
-    edges = np.flatnonzero(np.diff(np.frombuffer(b"\x00" + bytes(fixed) + b"\x00", np.int8)))
+    edges = np.flatnonzero(np.diff(np.frombuffer(b'\x00' + bytes(fixed) + b'\x00', np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
@@ -200,19 +214,19 @@ class JointStateCodec(Codec):
         self,
         names: Sequence[str],
         frame_id: str,
-        fields: Sequence[str] = ("position", "velocity"),
+        fields: Sequence[str] = ('position', 'velocity'),
     ) -> None:
         image = _Image()
         image.stamp()
         image.text(frame_id)
-        image.constant("I", len(names))
+        image.constant('I', len(names))
         for name in names:
             image.text(name)
         labels = []
-        for array in ("position", "velocity", "effort"):
+        for array in ('position', 'velocity', 'effort'):
             image.sequence(len(names) if array in fields else 0)
-            labels += [f"{array}.{name}" for name in names if array in fields]
-        super().__init__("sensor_msgs/msg/JointState", labels, image)
+            labels += [f'{array}.{name}' for name in names if array in fields]
+        super().__init__('sensor_msgs/msg/JointState', labels, image)
         self.names = tuple(names)
 
 
@@ -231,14 +245,14 @@ class OdometryCodec(Codec):
         image.text(child_frame_id)
         image.slots(2)
         for value in (0.0, 0.0, 0.0, 0.0, 1.0):  # z, then the quaternion x y z w
-            image.constant("d", value)
+            image.constant('d', value)
         for i in range(36):
-            image.constant("d", position_variance if i in (0, 7) else 0.0)
+            image.constant('d', position_variance if i in (0, 7) else 0.0)
         image.slots(2)
         for _ in range(4 + 36):  # linear z, angular x y z, covariance
-            image.constant("d", 0.0)
-        labels = ("pose.position.x", "pose.position.y", "twist.linear.x", "twist.linear.y")
-        super().__init__("nav_msgs/msg/Odometry", labels, image)
+            image.constant('d', 0.0)
+        labels = ('pose.position.x', 'pose.position.y', 'twist.linear.x', 'twist.linear.y')
+        super().__init__('nav_msgs/msg/Odometry', labels, image)
 
 
 class ClockCodec(Codec):
@@ -247,4 +261,4 @@ class ClockCodec(Codec):
     def __init__(self) -> None:
         image = _Image()
         image.stamp()
-        super().__init__("rosgraph_msgs/msg/Clock", (), image)
+        super().__init__('rosgraph_msgs/msg/Clock', (), image)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Live parameters in a bag: one ``rcl_interfaces/ParameterEvent`` for each change.
 
 The topic is in a bag only where a parameter was set while the run went on, so
@@ -10,20 +24,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from flexarm_ros.bag.foreign import message, typestore
 from flexarm_ros.bag.topics import Qos
 from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import SECTIONS, specs
 from flexarm_ros.core.timeline import NS_PER_S, T0_NS
+import numpy as np
 
-TOPIC = "lockstep/changes"
+TOPIC = 'lockstep/changes'
 """Relative name, as the nodes publish it."""
 
-PATH = "/" + TOPIC
-TYPE = "rcl_interfaces/msg/ParameterEvent"
-QOS = Qos(durability="transient_local")
+PATH = '/' + TOPIC
+TYPE = 'rcl_interfaces/msg/ParameterEvent'
+QOS = Qos(durability='transient_local')
 _DOUBLE = 3
 """rcl_interfaces/msg/ParameterType.PARAMETER_DOUBLE"""
 
@@ -32,16 +45,16 @@ def encode(change: Change, period_ns: int) -> bytes:
     """Return a change as a serialized ParameterEvent."""
     types = typestore().types
     none: Any = np.array([], np.uint8)
-    value = types["rcl_interfaces/msg/ParameterValue"](
+    value = types['rcl_interfaces/msg/ParameterValue'](
         type=_DOUBLE, bool_value=False, integer_value=0, double_value=change.value,
-        string_value="", byte_array_value=none, bool_array_value=none.astype(bool),
+        string_value='', byte_array_value=none, bool_array_value=none.astype(bool),
         integer_array_value=none.astype(np.int64), double_array_value=none.astype(np.float64),
         string_array_value=[],
     )  # fmt: skip
-    parameter = types["rcl_interfaces/msg/Parameter"](name=change.key, value=value)
+    parameter = types['rcl_interfaces/msg/Parameter'](name=change.key, value=value)
     stamp_ns = T0_NS + change.tick * period_ns
     event = types[TYPE](
-        stamp=types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, NS_PER_S)),
+        stamp=types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, NS_PER_S)),
         node=change.node, new_parameters=[], changed_parameters=[parameter],
         deleted_parameters=[],
     )  # fmt: skip
@@ -54,7 +67,7 @@ def decode(data: bytes, period_ns: int) -> Change:
     stamp_ns = event.stamp.sec * NS_PER_S + event.stamp.nanosec
     tick, rest = divmod(stamp_ns - T0_NS, period_ns)
     if rest or tick < 0 or len(event.changed_parameters) != 1:
-        raise ValueError("a change of one parameter at a tick is expected")
+        raise ValueError('a change of one parameter at a tick is expected')
     parameter = event.changed_parameters[0]
     return checked(Change(int(tick), event.node, parameter.name, parameter.value.double_value))
 
@@ -65,12 +78,12 @@ def checked(change: Change) -> Change:
     What came over the network or from a file is checked as a scenario is.
     """
     section = SECTIONS.get(change.node)
-    entry = specs(section).get(change.key) if section and change.node != "/**" else None
+    entry = specs(section).get(change.key) if section and change.node != '/**' else None
     if entry is None or not entry[1].live:
-        raise ValueError(f"{change.node}.{change.key}: no parameter that may change in a run")
+        raise ValueError(f'{change.node}.{change.key}: no parameter that may change in a run')
     spec, value = entry[1], change.value
     low = -math.inf if spec.low is None else spec.low
     high = math.inf if spec.high is None else spec.high
     if not low <= value <= high or (spec.low_open and value == low):
-        raise ValueError(f"{change.node}.{change.key}: {value!r} is out of range")
+        raise ValueError(f'{change.node}.{change.key}: {value!r} is out of range')
     return change

@@ -1,22 +1,35 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Differences between two recorded runs, topic by topic and field by field."""
 
 from __future__ import annotations
 
-import math
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+import math
+import os
 from typing import Any
-
-import numpy as np
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.cdr import FloatArray, IntArray
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.tables import batches
 from flexarm_ros.core.parameters import RunConfig
+import numpy as np
 
-STAMP = "stamp_ns"
+STAMP = 'stamp_ns'
 
 
 @dataclass
@@ -156,7 +169,7 @@ def _shared_fields(
         shared = [name for name in names_a if name in names_b]
         lonely = [name for name in (*names_a, *names_b) if name not in shared]
         if lonely:
-            result.notes.append(f"{path}: only one run has {', '.join(lonely)}")
+            result.notes.append(f'{path}: only one run has {", ".join(lonely)}')
         found[path] = [
             (FieldDifference(path, name), names_a.index(name), names_b.index(name))
             for name in shared
@@ -175,7 +188,7 @@ def _accumulate(
 ) -> None:
     if not len(times):
         return
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(invalid='ignore', over='ignore'):
         apart = np.abs(a - b)
         same = (a == b) | (np.isnan(a) & np.isnan(b))
         apart = np.where(same, 0.0, np.where(np.isnan(apart), np.inf, apart))
@@ -199,8 +212,8 @@ def _parameters(a: RunConfig, b: RunConfig) -> Iterator[str]:
         for key, value in keys.items():
             other: Any = dict_b[section][key]
             if value != other:
-                yield f"{section}.{key}: {value!r} and {other!r}"
+                yield f'{section}.{key}: {value!r} and {other!r}'
     if a.torques != b.torques:
-        yield "controller.torque_file: other rows"
+        yield 'controller.torque_file: other rows'
     if a.changes != b.changes:
-        yield f"changed on the way: {len(a.changes)} and {len(b.changes)} times, not alike"
+        yield f'changed on the way: {len(a.changes)} and {len(b.changes)} times, not alike'

@@ -1,30 +1,44 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A bag as files: a table a topic, the trajectory (CSV or Parquet), the scenario to fly again."""
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
+import os
 from pathlib import Path
+import shutil
 from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.files import make_directory, write_atomically
-from flexarm_ros.bag.frontmatter import SCENARIO_FILE, TORQUES_FILE, bag_config
+from flexarm_ros.bag.frontmatter import bag_config, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.outputs import block_rows
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.tables import Batch, batches
 from flexarm_ros.bag.topics import Topic
 from flexarm_ros.core.rows import COLUMNS, Rows
 
-FORMATS = ("csv", "parquet")
-CHANGES_FILE = "changes.csv"
+FORMATS = ('csv', 'parquet')
+CHANGES_FILE = 'changes.csv'
 """Parameters that were changed while the run went on; a scenario has no place for them."""
-NO_PYARROW = "parquet needs pyarrow, which is not installed: pip install pyarrow"
+NO_PYARROW = 'parquet needs pyarrow, which is not installed: pip install pyarrow'
 
 
 @dataclass(frozen=True)
@@ -37,12 +51,12 @@ class Exported:
 
 def table_name(topic: Topic) -> str:
     """Return the name of a topic's file without its ending: ``plant_state``."""
-    return topic.path.strip("/").replace("/", "_")
+    return topic.path.strip('/').replace('/', '_')
 
 
 def table_columns(topic: Topic) -> tuple[str, ...]:
     """Return the header of a topic's table."""
-    return ("tick", "stamp_ns", *topic.codec.fields)
+    return ('tick', 'stamp_ns', *topic.codec.fields)
 
 
 def export(
@@ -59,7 +73,7 @@ def export(
     ``directory`` exists; nothing is left then of what was written.
     """
     reader, target = BagReader(run), Path(directory)
-    if file_format == "parquet":
+    if file_format == 'parquet':
         _pyarrow()
     make_directory(target)
     try:
@@ -68,9 +82,9 @@ def export(
     except (BagError, OSError) as error:
         shutil.rmtree(target, ignore_errors=True)
         if isinstance(error, OSError):
-            raise BagError(f"{target}: cannot be written: {error.strerror}") from None
+            raise BagError(f'{target}: cannot be written: {error.strerror}') from None
         raise
-    return Exported(rows, str(reader.damage or ""))
+    return Exported(rows, str(reader.damage or ''))
 
 
 def _write_scenario(reader: BagReader, target: Path) -> None:
@@ -79,8 +93,8 @@ def _write_scenario(reader: BagReader, target: Path) -> None:
         text = scenario.write_torques(reader.config.torques)
         write_atomically(target / TORQUES_FILE, text)
     if reader.config.changes:
-        rows = [f"{c.tick},{c.node},{c.key},{c.value!r}\n" for c in reader.config.changes]
-        write_atomically(target / CHANGES_FILE, "tick,node,key,value\n" + "".join(rows))
+        rows = [f'{c.tick},{c.node},{c.key},{c.value!r}\n' for c in reader.config.changes]
+        write_atomically(target / CHANGES_FILE, 'tick,node,key,value\n' + ''.join(rows))
 
 
 def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:
@@ -90,7 +104,7 @@ def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:
             file = _open(target, table_name(topic), table_columns(topic), 2, file_format)
             files[topic.path] = file
             stack.callback(file.close)
-        trajectory = _open(target, "trajectory", COLUMNS, 0, file_format)
+        trajectory = _open(target, 'trajectory', COLUMNS, 0, file_format)
         stack.callback(trajectory.close)
         for group in batches(reader):
             for batch in group:
@@ -116,14 +130,14 @@ class _CsvFile:
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.name, self.rows = path.name, 0
-        self._file = open(path, "w", encoding="ascii", newline="")  # noqa: SIM115 - see close
-        self._file.write(",".join(columns) + "\n")
+        self._file = open(path, 'w', encoding='ascii', newline='')  # noqa: SIM115 - see close
+        self._file.write(','.join(columns) + '\n')
 
     def write(self, columns: list[list[Any]]) -> None:
         """Append rows, given column by column."""
-        lines = [",".join([repr(value) for value in row]) for row in zip(*columns, strict=True)]
+        lines = [','.join([repr(value) for value in row]) for row in zip(*columns, strict=True)]
         self.rows += len(lines)
-        self._file.writelines(line + "\n" for line in lines)
+        self._file.writelines(line + '\n' for line in lines)
 
     def close(self) -> None:
         """Close the file."""
@@ -158,14 +172,14 @@ class _ParquetFile:
 def _open(
     directory: Path, name: str, columns: Sequence[str], integers: int, file_format: str
 ) -> _CsvFile | _ParquetFile:
-    path = directory / f"{name}.{file_format}"
-    if file_format == "csv":
+    path = directory / f'{name}.{file_format}'
+    if file_format == 'csv':
         return _CsvFile(path, columns)
     return _ParquetFile(path, columns, integers)
 
 
 def _pyarrow() -> tuple[Any, Any]:
     try:
-        return import_module("pyarrow"), import_module("pyarrow.parquet")
+        return import_module('pyarrow'), import_module('pyarrow.parquet')
     except ImportError:
         raise BagError(NO_PYARROW) from None

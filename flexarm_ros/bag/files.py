@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Files and directories that appear whole and never overwrite."""
 
 from __future__ import annotations
@@ -11,9 +25,9 @@ from flexarm_ros.bag.errors import BagError, BagExistsError
 
 def write_atomically(path: Path, text: str) -> None:
     """Write a text file so that it appears whole or not at all; BagError on failure."""
-    temporary = path.with_name(path.name + ".tmp")
+    temporary = path.with_name(path.name + '.tmp')
     try:
-        with open(temporary, "w", encoding="utf-8", newline="") as file:
+        with open(temporary, 'w', encoding='utf-8', newline='') as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
@@ -21,7 +35,7 @@ def write_atomically(path: Path, text: str) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        raise BagError(f"{path}: cannot be written: {error.strerror}") from None
+        raise BagError(f'{path}: cannot be written: {error.strerror}') from None
 
 
 def make_directory(directory: Path) -> None:
@@ -29,6 +43,6 @@ def make_directory(directory: Path) -> None:
     try:
         directory.mkdir(parents=True)
     except FileExistsError:
-        raise BagExistsError(f"{directory}: exists already, not overwritten") from None
+        raise BagExistsError(f'{directory}: exists already, not overwritten') from None
     except OSError as error:
-        raise BagError(f"{directory}: cannot be made: {error.strerror}") from None
+        raise BagError(f'{directory}: cannot be made: {error.strerror}') from None

@@ -1,25 +1,39 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What stands in a bag before its messages: scenario, parameters, provenance."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import replace
+import hashlib
+import json
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters import RunConfig
 
-FORMAT = "1"
+FORMAT = '1'
 """Version of what this package puts into a bag beside the messages."""
 
-SCENARIO_FILE = "scenario.yaml"
-TORQUES_FILE = "torques.csv"
-PROVENANCE_FILE = "provenance.json"
-RUN_RECORD = "flexarm_ros"
-PARAMETERS_RECORD = "flexarm_ros.parameters"
-VERSIONS_RECORD = "flexarm_ros.versions"
+SCENARIO_FILE = 'scenario.yaml'
+TORQUES_FILE = 'torques.csv'
+PROVENANCE_FILE = 'provenance.json'
+RUN_RECORD = 'flexarm_ros'
+PARAMETERS_RECORD = 'flexarm_ros.parameters'
+VERSIONS_RECORD = 'flexarm_ros.versions'
 
 
 def bag_config(config: RunConfig) -> RunConfig:
@@ -34,17 +48,17 @@ def bag_config(config: RunConfig) -> RunConfig:
 def front_matter(config: RunConfig, provenance: Provenance) -> dict[str, Mapping[str, str]]:
     """Return the metadata records: the run, every resolved parameter (JSON), versions."""
     parameters = {
-        f"{section}.{key}": json.dumps(value)
+        f'{section}.{key}': json.dumps(value)
         for section, keys in scenario.to_dict(bag_config(config)).items()
         for key, value in keys.items()
     }
     text = scenario.dump(bag_config(config)) + scenario.write_torques(config.torques)
     run = {
-        "format": FORMAT,
-        "sha256": hashlib.sha256(text.encode()).hexdigest(),
-        "scenario": provenance.name,
-        "commit": provenance.commit,
-        "digest": provenance.digest,
+        'format': FORMAT,
+        'sha256': hashlib.sha256(text.encode()).hexdigest(),
+        'scenario': provenance.name,
+        'commit': provenance.commit,
+        'digest': provenance.digest,
     }
     return {
         RUN_RECORD: run,
@@ -59,9 +73,9 @@ def attachments(config: RunConfig, provenance: Provenance) -> list[tuple[str, st
     Attachments have checksums of their own; it is from them that a bag is read.
     """
     found = [
-        (SCENARIO_FILE, "application/yaml", scenario.dump(bag_config(config))),
-        (PROVENANCE_FILE, "application/json", json.dumps(provenance.to_dict(), indent=1)),
+        (SCENARIO_FILE, 'application/yaml', scenario.dump(bag_config(config))),
+        (PROVENANCE_FILE, 'application/json', json.dumps(provenance.to_dict(), indent=1)),
     ]
     if config.torques:
-        found.append((TORQUES_FILE, "text/csv", scenario.write_torques(config.torques)))
+        found.append((TORQUES_FILE, 'text/csv', scenario.write_torques(config.torques)))
     return found

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Writing of an MCAP file, chunk by chunk.
 
 The records come from the ``mcap`` library.  Only the messages of a chunk are
@@ -12,15 +26,14 @@ again.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 import os
+from pathlib import Path
 import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
+from flexarm_ros.bag.errors import BagError, BagExistsError
 import lz4.frame  # type: ignore[import-untyped]
-import numpy as np
-import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -39,19 +52,19 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
+import numpy as np
 from numpy.typing import NDArray
+import zstandard
 
-from flexarm_ros.bag.errors import BagError, BagExistsError
-
-MAGIC = b"\x89MCAP0\r\n"
-LIBRARY = "flexarm_ros"
-MESSAGE_HEADER = struct.Struct("<BQHIQQ")
+MAGIC = b'\x89MCAP0\r\n'
+LIBRARY = 'flexarm_ros'
+MESSAGE_HEADER = struct.Struct('<BQHIQQ')
 """Opcode, length of what follows, channel, sequence, log time, publish time."""
 MESSAGE_FIXED = 2 + 4 + 8 + 8
 """Bytes of a message record that count in its length, before the data."""
 
-_INDEX_HEADER = struct.Struct("<BQHI")
-_INDEX_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
+_INDEX_HEADER = struct.Struct('<BQHI')
+_INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
 
 
 def _compress_lz4(data: bytes) -> bytes:
@@ -65,9 +78,9 @@ def _compress_zstd(data: bytes) -> bytes:
 
 
 COMPRESSORS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
-    "none": ("", lambda data: data),
-    "lz4": ("lz4", _compress_lz4),
-    "zstd": ("zstd", _compress_zstd),
+    'none': ('', lambda data: data),
+    'lz4': ('lz4', _compress_lz4),
+    'zstd': ('zstd', _compress_zstd),
 }
 """Name of a compression -> its name in the file and its function."""
 
@@ -94,12 +107,12 @@ class McapFile:
         self.start_time = 0
         self.end_time = 0
         try:
-            self._file = open(path, "xb", buffering=0)  # noqa: SIM115 - closed by finish
+            self._file = open(path, 'xb', buffering=0)  # noqa: SIM115 - closed by finish
         except FileExistsError:
-            raise BagExistsError(f"{path}: exists already, not overwritten") from None
+            raise BagExistsError(f'{path}: exists already, not overwritten') from None
         except OSError as error:
-            raise BagError(f"{path}: cannot be written: {error.strerror}") from None
-        self._put(MAGIC + _record(Header(profile="ros2", library=LIBRARY)))
+            raise BagError(f'{path}: cannot be written: {error.strerror}') from None
+        self._put(MAGIC + _record(Header(profile='ros2', library=LIBRARY)))
 
     @property
     def size(self) -> int:
@@ -112,14 +125,14 @@ class McapFile:
             while view:
                 view = view[self._file.write(view) :]
         except OSError as error:
-            raise BagError(f"{self.path}: cannot be written: {error.strerror}") from None
+            raise BagError(f'{self.path}: cannot be written: {error.strerror}') from None
         self._position += len(data)
         self._crc = zlib.crc32(data, self._crc)
 
     def add_schema(self, name: str, text: str) -> int:
         """Add a ``ros2msg`` schema and return its id."""
         schema = Schema(
-            id=len(self._schemas) + 1, name=name, encoding="ros2msg", data=text.encode()
+            id=len(self._schemas) + 1, name=name, encoding='ros2msg', data=text.encode()
         )
         self._schemas.append(schema)
         self._put(_record(schema))
@@ -130,7 +143,7 @@ class McapFile:
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
-            message_encoding="cdr",
+            message_encoding='cdr',
             schema_id=schema_id,
             metadata=dict(metadata),
         )
@@ -197,7 +210,7 @@ class McapFile:
                 blob.append(_message_index(channel, stamps[mine], offsets[mine]))
                 position += len(blob[-1])
                 self.counts[channel] += count
-        self._put(b"".join(blob))
+        self._put(b''.join(blob))
         self._chunks.append(
             ChunkIndex(
                 message_start_time=first,
@@ -218,15 +231,15 @@ class McapFile:
         """Write the end of the data, the summary and the footer, and close the file."""
         self._put(_record(DataEnd(data_section_crc=self._crc)))
         summary_start = self._position
-        summary = b""
+        summary = b''
         offsets: list[SummaryOffset] = []
         for opcode, records in self._summary():
-            group = b"".join(_record(record) for record in records)
+            group = b''.join(_record(record) for record in records)
             if group:
                 offsets.append(SummaryOffset(opcode, summary_start + len(summary), len(group)))
             summary += group
         offset_start = summary_start + len(summary)
-        summary += b"".join(_record(record) for record in offsets)
+        summary += b''.join(_record(record) for record in offsets)
         footer = Footer(summary_start, offset_start, 0)
         crc = zlib.crc32(summary + _record(footer)[:-4])
         self._put(summary + _record(Footer(summary_start, offset_start, crc)) + MAGIC)
@@ -260,7 +273,7 @@ class McapFile:
                 os.fsync(self._file.fileno())
                 self._file.close()
             except OSError as error:
-                raise BagError(f"{self.path}: cannot be written: {error.strerror}") from None
+                raise BagError(f'{self.path}: cannot be written: {error.strerror}') from None
 
 
 def _record(record: McapRecord) -> bytes:
@@ -276,7 +289,7 @@ def _message_index(
     offsets: NDArray[np.uint64],
 ) -> bytes:
     entries = np.empty(len(times), _INDEX_ENTRY)
-    entries["time"] = times
-    entries["offset"] = offsets
+    entries['time'] = times
+    entries['offset'] = offsets
     raw = entries.tobytes()
     return _INDEX_HEADER.pack(Opcode.MESSAGE_INDEX, 6 + len(raw), channel, len(raw)) + raw

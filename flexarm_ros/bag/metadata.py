@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``metadata.yaml`` of a rosbag2 directory, version 9 (Jazzy and later)."""
 
 from __future__ import annotations
@@ -8,14 +22,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.foreign import typestore
 from flexarm_ros.bag.topics import Qos
+import yaml
 
 VERSION = 9
-DISTRO = "kilted"
+DISTRO = 'kilted'
 """The distribution whose message definitions are in the bag."""
 
 MAX_BYTES = 1024 * 1024
@@ -24,7 +37,7 @@ MAX_BYTES = 1024 * 1024
 _MALFORMED = (
     KeyError, TypeError, ValueError, RecursionError, AttributeError, OverflowError
 )  # fmt: skip
-_FOREVER = {"sec": 9223372036, "nsec": 854775807}
+_FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
 @dataclass(frozen=True)
@@ -57,15 +70,15 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
     """Return the ``offered_qos_profiles`` of one publisher."""
     return [
         {
-            "history": qos.history,
-            "depth": qos.depth,
-            "reliability": qos.reliability,
-            "durability": qos.durability,
-            "deadline": dict(_FOREVER),
-            "lifespan": dict(_FOREVER),
-            "liveliness": "automatic",
-            "liveliness_lease_duration": dict(_FOREVER),
-            "avoid_ros_namespace_conventions": False,
+            'history': qos.history,
+            'depth': qos.depth,
+            'reliability': qos.reliability,
+            'durability': qos.durability,
+            'deadline': dict(_FOREVER),
+            'lifespan': dict(_FOREVER),
+            'liveliness': 'automatic',
+            'liveliness_lease_duration': dict(_FOREVER),
+            'avoid_ros_namespace_conventions': False,
         }
     ]
 
@@ -96,40 +109,40 @@ def bag_information(
 ) -> dict[str, Any]:
     """Return what stands below ``rosbag2_bagfile_information``."""
     count = sum(topic.count for topic in topics)
-    start = {"nanoseconds_since_epoch": start_ns}
-    duration = {"nanoseconds": end_ns - start_ns}
+    start = {'nanoseconds_since_epoch': start_ns}
+    duration = {'nanoseconds': end_ns - start_ns}
     return {
-        "version": VERSION,
-        "storage_identifier": "mcap",
-        "duration": duration,
-        "starting_time": start,
-        "message_count": count,
-        "topics_with_message_count": [
+        'version': VERSION,
+        'storage_identifier': 'mcap',
+        'duration': duration,
+        'starting_time': start,
+        'message_count': count,
+        'topics_with_message_count': [
             {
-                "topic_metadata": {
-                    "name": topic.name,
-                    "type": topic.type_name,
-                    "serialization_format": "cdr",
-                    "offered_qos_profiles": qos_profiles(topic.qos),
-                    "type_description_hash": topic.type_hash,
+                'topic_metadata': {
+                    'name': topic.name,
+                    'type': topic.type_name,
+                    'serialization_format': 'cdr',
+                    'offered_qos_profiles': qos_profiles(topic.qos),
+                    'type_description_hash': topic.type_hash,
                 },
-                "message_count": topic.count,
+                'message_count': topic.count,
             }
             for topic in topics
         ],
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [file_name],
+        'files': [
             {
-                "path": file_name,
-                "starting_time": start,
-                "duration": duration,
-                "message_count": count,
+                'path': file_name,
+                'starting_time': start,
+                'duration': duration,
+                'message_count': count,
             }
         ],
-        "custom_data": dict(custom_data),
-        "ros_distro": DISTRO,
+        'custom_data': dict(custom_data),
+        'ros_distro': DISTRO,
     }
 
 
@@ -141,18 +154,18 @@ def read_counts(path: Path) -> dict[str, int] | None:
     try:
         if not path.is_file():
             return None
-        with open(path, "rb") as file:
+        with open(path, 'rb') as file:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
-            raise BagContentError(f"{path}: larger than {MAX_BYTES} bytes")
+            raise BagContentError(f'{path}: larger than {MAX_BYTES} bytes')
         document = yaml.safe_load(data)
-        topics = document["rosbag2_bagfile_information"]["topics_with_message_count"]
+        topics = document['rosbag2_bagfile_information']['topics_with_message_count']
         found = {
-            str(topic["topic_metadata"]["name"])[:300]: int(topic["message_count"])
+            str(topic['topic_metadata']['name'])[:300]: int(topic['message_count'])
             for topic in topics
         }
     except OSError as error:
-        raise BagContentError(f"{path}: cannot be read: {error.strerror}") from None
+        raise BagContentError(f'{path}: cannot be read: {error.strerror}') from None
     except (*_MALFORMED, yaml.YAMLError):
-        raise BagContentError(f"{path}: not the metadata of a bag") from None
+        raise BagContentError(f'{path}: not the metadata of a bag') from None
     return found

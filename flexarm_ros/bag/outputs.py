@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The files beside a bag: ``trajectory.csv`` and ``summary.json``.
 
 Both are made from the recorded messages, by the same code for a run of nodes
@@ -6,10 +20,10 @@ and for a simulation in one process, so that the two agree byte for byte.
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Iterable, Sequence
 from importlib import metadata
+import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +39,16 @@ from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.rows import COLUMNS, Row, Rows
 from flexarm_ros.core.timeline import Timeline
 
-TRAJECTORY = "trajectory.csv"
-SUMMARY = "summary.json"
+TRAJECTORY = 'trajectory.csv'
+SUMMARY = 'summary.json'
 
 METRICS = (
-    "rms_error", "max_error", "tip_rms_error", "tip_max_error", "overshoot", "max_overshoot",
-    "tip_overshoot", "max_deflection", "max_torque", "ticks",
+    'rms_error', 'max_error', 'tip_rms_error', 'tip_max_error', 'overshoot', 'max_overshoot',
+    'tip_overshoot', 'max_deflection', 'max_torque', 'ticks',
 )  # fmt: skip
 """Keys of `flexarm_ros.core.metrics.Metrics.result`."""
 
-_ROS_PACKAGES = ("rclpy", "ros-rmw-fastrtps-cpp")
+_ROS_PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp')
 
 
 def block_rows(rows: Rows, block: Block) -> Iterable[Row]:
@@ -57,7 +71,9 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
     return values[0], values[1]
 
 
-def write_trajectory(directory: Path, config: RunConfig, blocks: Iterable[Block]) -> dict[str, Any]:
+def write_trajectory(
+    directory: Path, config: RunConfig, blocks: Iterable[Block]
+) -> dict[str, Any]:
     """Write ``trajectory.csv`` and return the metrics of the run.
 
     The file appears whole or not at all.  Numbers have the shortest text that
@@ -65,19 +81,19 @@ def write_trajectory(directory: Path, config: RunConfig, blocks: Iterable[Block]
     """
     rows, metrics = Rows(config), Metrics(config)
     path = directory / TRAJECTORY
-    temporary = path.with_name(path.name + ".tmp")
+    temporary = path.with_name(path.name + '.tmp')
     try:
-        with open(temporary, "w", encoding="ascii", newline="") as file:
-            file.write(",".join(COLUMNS) + "\n")
+        with open(temporary, 'w', encoding='ascii', newline='') as file:
+            file.write(','.join(COLUMNS) + '\n')
             for block in blocks:
                 lines = []
                 for row in block_rows(rows, block):
                     metrics.add(row)
-                    lines.append(",".join([repr(float(value)) for value in row]))
-                file.write("\n".join(lines) + "\n")
+                    lines.append(','.join([repr(float(value)) for value in row]))
+                file.write('\n'.join(lines) + '\n')
         os.replace(temporary, path)
     except OSError as error:
-        raise BagError(f"{path}: cannot be written: {error.strerror}") from None
+        raise BagError(f'{path}: cannot be written: {error.strerror}') from None
     return metrics.result()
 
 
@@ -87,47 +103,47 @@ def summary_of(
     provenance: Provenance,
     wall_s: float | None = None,
     unstable: tuple[int, str] | None = None,
-    problem: str = "",
+    problem: str = '',
 ) -> dict[str, Any]:
     """Return what ``summary.json`` says of a run that has ended.
 
     ``unstable`` is the tick and the text of the state that ended the run.
     """
     timeline = Timeline.of(config.run)
-    ticks = metrics["ticks"]
+    ticks = metrics['ticks']
     finished = ticks == timeline.ticks
     simulated = ticks * timeline.period_ns * 1e-9
     return {
-        "name": provenance.name,
-        "complete": finished or unstable is not None,
-        "stable": False if unstable else True if finished else None,
-        "unstable_tick": unstable[0] if unstable else None,
-        "problem": problem or (f"unstable: {unstable[1]}" if unstable else ""),
+        'name': provenance.name,
+        'complete': finished or unstable is not None,
+        'stable': False if unstable else True if finished else None,
+        'unstable_tick': unstable[0] if unstable else None,
+        'problem': problem or (f'unstable: {unstable[1]}' if unstable else ''),
         **metrics,
-        "wall_s": wall_s,
-        "rtf": simulated / wall_s if wall_s else None,
-        "versions": {**provenance.versions, **_ros_versions(), "commit": provenance.commit},
-        "scenario": scenario.to_dict(bag_config(config)),
-        **({"changes": [c._asdict() for c in config.changes]} if config.changes else {}),
+        'wall_s': wall_s,
+        'rtf': simulated / wall_s if wall_s else None,
+        'versions': {**provenance.versions, **_ros_versions(), 'commit': provenance.commit},
+        'scenario': scenario.to_dict(bag_config(config)),
+        **({'changes': [c._asdict() for c in config.changes]} if config.changes else {}),
     }
 
 
 def unfinished_summary(config: RunConfig, provenance: Provenance) -> dict[str, Any]:
     """Return what ``summary.json`` says while a run goes on, or after it was cut off."""
-    metrics = {**dict.fromkeys(METRICS), "ticks": 0}
+    metrics = {**dict.fromkeys(METRICS), 'ticks': 0}
     return {
         **summary_of(config, metrics, provenance),
-        "ticks": None,
-        "complete": False,
-        "stable": None,
-        "problem": "not finished: still running, or cut off",
+        'ticks': None,
+        'complete': False,
+        'stable': None,
+        'problem': 'not finished: still running, or cut off',
     }
 
 
 def write_summary(directory: Path, summary: dict[str, Any]) -> None:
     """Write ``summary.json``, whole or not at all; BagError on failure."""
     write_atomically(
-        directory / SUMMARY, json.dumps(finite(summary), indent=2, allow_nan=False) + "\n"
+        directory / SUMMARY, json.dumps(finite(summary), indent=2, allow_nan=False) + '\n'
     )
 
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Writing of rescued messages of which only the channels are known."""
 
 from __future__ import annotations
@@ -6,8 +20,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_ros.bag.files import make_directory, write_atomically
-from flexarm_ros.bag.mcapfile import MESSAGE_FIXED, MESSAGE_HEADER, McapFile
-from flexarm_ros.bag.metadata import BagTopic, bag_information, to_yaml
+from flexarm_ros.bag.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
+from flexarm_ros.bag.metadata import bag_information, BagTopic, to_yaml
 from flexarm_ros.bag.reader import Front
 from flexarm_ros.bag.scan import Message
 from flexarm_ros.bag.topics import Qos
@@ -23,9 +37,9 @@ class PlainWriter:
     def __init__(self, directory: Path, front: Front) -> None:
         make_directory(directory)
         self._directory = directory
-        self._file = McapFile(directory / FILE_NAME, "zstd")
+        self._file = McapFile(directory / FILE_NAME, 'zstd')
         schemas = {
-            schema.id: self._file.add_schema(schema.name, schema.data.decode(errors="replace"))
+            schema.id: self._file.add_schema(schema.name, schema.data.decode(errors='replace'))
             for schema in front.schemas.values()
         }
         self._types = {s.id: s.name for s in front.schemas.values()}
@@ -36,7 +50,7 @@ class PlainWriter:
                 self._ids[channel.id] = self._file.add_channel(
                     channel.topic, schemas[channel.schema_id], channel.metadata
                 )
-                digest = channel.metadata.get("topic_type_hash", "")
+                digest = channel.metadata.get('topic_type_hash', '')
                 self._topics.append((channel.topic, self._types[channel.schema_id], digest))
 
     def add(self, messages: Sequence[Message]) -> tuple[int, int]:
@@ -53,7 +67,7 @@ class PlainWriter:
             times.append(m.log_time)
             lengths.append(9 + length)
         if parts:
-            self._file.add_chunk(b"".join(parts), channels, times, lengths)
+            self._file.add_chunk(b''.join(parts), channels, times, lengths)
         return len(known), len(messages) - len(known)
 
     def __enter__(self) -> PlainWriter:
@@ -70,9 +84,9 @@ class PlainWriter:
         information = bag_information(
             FILE_NAME, self._file.start_time, self._file.end_time, topics, {}
         )
-        self._file.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
+        self._file.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
         self._file.finish()
         write_atomically(
-            self._directory / "metadata.yaml",
-            to_yaml({"rosbag2_bagfile_information": information}),
+            self._directory / 'metadata.yaml',
+            to_yaml({'rosbag2_bagfile_information': information}),
         )

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where a bag comes from: versions of what computes its numbers, and the source's commit.
 
 Nothing here depends on the host, the user, the wall clock or on whether ROS
@@ -6,26 +20,26 @@ can be imported: one scenario gives one bag, from ``run`` and from ``simulate``.
 
 from __future__ import annotations
 
-import hashlib
-import os
-import platform
-import subprocess
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from functools import cache
+import hashlib
 from importlib import metadata
+import os
 from pathlib import Path
+import platform
+import subprocess
 from typing import Any
 
 import flexarm_ros
 
-PACKAGES = ("flexarm_ros", "numpy", "numba", "llvmlite", "mcap", "rosbags", "lz4", "zstandard")
+PACKAGES = ('flexarm_ros', 'numpy', 'numba', 'llvmlite', 'mcap', 'rosbags', 'lz4', 'zstandard')
 """Distributions that numbers or bytes of a bag depend on."""
 
-LAYERS = ("core", "scenario", "bag")
+LAYERS = ('core', 'scenario', 'bag')
 """Parts of this package that numbers and bytes of a bag depend on."""
 
-UNKNOWN = "unknown"
+UNKNOWN = 'unknown'
 
 
 @dataclass(frozen=True)
@@ -37,14 +51,14 @@ class Provenance:
     tells changed code from released code where the commit cannot.
     """
 
-    name: str = ""
+    name: str = ''
     versions: dict[str, str] = field(default_factory=dict)
     commit: str = UNKNOWN
     digest: str = UNKNOWN
     foreign: tuple[str, ...] = ()
 
     @classmethod
-    def here(cls, name: str = "", foreign: Iterable[str] = ()) -> Provenance:
+    def here(cls, name: str = '', foreign: Iterable[str] = ()) -> Provenance:
         """Return the provenance of what this process records."""
         return cls(name, dict(_versions()), _commit(), _digest(), tuple(sorted(foreign)))
 
@@ -55,29 +69,29 @@ class Provenance:
     @classmethod
     def from_dict(cls, data: Any) -> Provenance:
         """Undo `to_dict`; TypeError or ValueError where ``data`` is not that."""
-        name, versions = data["name"], data["versions"]
-        foreign = tuple(data["foreign"])
-        texts = [name, data["commit"], data["digest"], *foreign, *versions, *versions.values()]
+        name, versions = data['name'], data['versions']
+        foreign = tuple(data['foreign'])
+        texts = [name, data['commit'], data['digest'], *foreign, *versions, *versions.values()]
         if not all(isinstance(text, str) for text in texts):
-            raise TypeError("not a text")
-        return cls(name, dict(versions), data["commit"], data["digest"], foreign)
+            raise TypeError('not a text')
+        return cls(name, dict(versions), data['commit'], data['digest'], foreign)
 
     def differences(self, other: Provenance) -> list[str]:
         """Return what differs from ``other`` and may change numbers, a text each."""
         names = sorted({*self.versions, *other.versions})
         found = [
-            f"{name} {self.versions.get(name, UNKNOWN)}, here {other.versions.get(name, UNKNOWN)}"
+            f'{name} {self.versions.get(name, UNKNOWN)}, here {other.versions.get(name, UNKNOWN)}'
             for name in names
             if self.versions.get(name) != other.versions.get(name)
         ]
         if self.digest != other.digest:
-            found.append(f"source {self.commit[:12]}, here {other.commit[:12]}, contents differ")
+            found.append(f'source {self.commit[:12]}, here {other.commit[:12]}, contents differ')
         return found
 
 
 @cache
 def _versions() -> tuple[tuple[str, str], ...]:
-    found = [("python", platform.python_version()), ("machine", platform.machine())]
+    found = [('python', platform.python_version()), ('machine', platform.machine())]
     for package in PACKAGES:
         try:
             found.append((package, metadata.version(package)))
@@ -90,15 +104,15 @@ def _versions() -> tuple[tuple[str, str], ...]:
 def _commit() -> str:
     """Return the commit of the checkout that this package is the top of, or ``unknown``."""
     package = Path(flexarm_ros.__file__).resolve().parent
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("GIT_")}
-    command = ["git", "-C", str(package), "rev-parse", "--show-toplevel", "HEAD"]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith('GIT_')}
+    command = ['git', '-C', str(package), 'rev-parse', '--show-toplevel', 'HEAD']
     try:
         answer = subprocess.run(
             command, capture_output=True, text=True, timeout=10, check=True, env=environment
         )
     except (OSError, subprocess.SubprocessError):
         return UNKNOWN
-    top, _, commit = answer.stdout.strip().partition("\n")
+    top, _, commit = answer.stdout.strip().partition('\n')
     return commit if Path(top) == package.parent else UNKNOWN
 
 
@@ -109,10 +123,10 @@ def _digest() -> str:
     names = sorted(
         path.relative_to(package).as_posix()
         for layer in LAYERS
-        for path in (package / layer).rglob("*.py")
+        for path in (package / layer).rglob('*.py')
     )
     digest = hashlib.sha256()
     for name in names:
-        digest.update(name.encode() + b"\0")
+        digest.update(name.encode() + b'\0')
         digest.update(hashlib.sha256((package / name).read_bytes()).digest())
     return digest.hexdigest()

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Reading of a recorded run: its scenario, its provenance, its messages tick by tick.
 
 Files are read from front to end in flat memory.  ``metadata.yaml`` and the
@@ -7,16 +21,13 @@ ever opened.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 import contextlib
+from dataclasses import dataclass, field, replace
 import json
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
-
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
 
 from flexarm_ros import scenario
 from flexarm_ros.bag import changes
@@ -25,20 +36,22 @@ from flexarm_ros.bag.errors import BagContentError, BagError, BagLimitError, Bag
 from flexarm_ros.bag.frontmatter import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.scan import (
+    attachment_sound,
     Damage,
+    inner_records,
+    library_record,
     Message,
     Record,
     Scanner,
-    attachment_sound,
-    inner_records,
-    library_record,
     unpack,
 )
-from flexarm_ros.bag.topics import Topic, per_tick_topics
+from flexarm_ros.bag.topics import per_tick_topics, Topic
 from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.torque_file import parse_torques
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 BLOCK_TICKS = 512
 MAX_CHANNELS = 1000
@@ -54,16 +67,16 @@ def find_bag(run: str | os.PathLike[str]) -> Path:
         if path.is_file():
             return path
         if not path.is_dir():
-            raise BagMissingError(f"{path}: no such file or directory")
-        for directory in (path, path / "bag"):
-            files = sorted(directory.glob("*.mcap")) if directory.is_dir() else []
+            raise BagMissingError(f'{path}: no such file or directory')
+        for directory in (path, path / 'bag'):
+            files = sorted(directory.glob('*.mcap')) if directory.is_dir() else []
             if len(files) > 1:
-                raise BagError(f"{directory}: holds {len(files)} .mcap files, one is expected")
+                raise BagError(f'{directory}: holds {len(files)} .mcap files, one is expected')
             if files:
                 return files[0]
     except (OSError, ValueError) as error:
-        raise BagError(f"{str(path)!r}: cannot be read: {error}") from None
-    raise BagError(f"{path}: no bag in it (neither *.mcap nor bag/*.mcap)")
+        raise BagError(f'{str(path)!r}: cannot be read: {error}') from None
+    raise BagError(f'{path}: no bag in it (neither *.mcap nor bag/*.mcap)')
 
 
 @dataclass
@@ -74,7 +87,7 @@ class Front:
     schemas: dict[int, Schema] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    library: str = ""
+    library: str = ''
 
     def take(self, path: Path, record: Record) -> None:
         """Take in a record if it is of these; Damage if it cannot be parsed."""
@@ -82,7 +95,7 @@ class Front:
             channel = library_record(path, record, Channel)
             self.channels.setdefault(channel.id, channel)
             if len(self.channels) > MAX_CHANNELS:
-                raise BagLimitError(f"{path}: more than {MAX_CHANNELS} channels")
+                raise BagLimitError(f'{path}: more than {MAX_CHANNELS} channels')
         elif record.opcode == Opcode.SCHEMA:
             schema = library_record(path, record, Schema)
             if len(self.schemas) < MAX_CHANNELS:
@@ -99,7 +112,7 @@ class Front:
         if attachment.name not in (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE):
             return
         if not attachment_sound(record):
-            raise Damage(path, record.offset, f"checksum of {attachment.name}")
+            raise Damage(path, record.offset, f'checksum of {attachment.name}')
         self.attachments.setdefault(attachment.name, attachment.data)
 
     @property
@@ -149,8 +162,8 @@ class BagReader:
                 tick, rest = divmod(message.log_time - T0_NS, period)
                 if rest or not 0 <= tick < ticks:
                     raise BagContentError(
-                        f"{self.path}: {self.topics[topic].path}: a message at "
-                        f"{message.log_time} ns, at no tick of the run"
+                        f'{self.path}: {self.topics[topic].path}: a message at '
+                        f'{message.log_time} ns, at no tick of the run'
                     )
                 yield tick, topic, message.data
         except Damage as damage:
@@ -166,13 +179,13 @@ class BagReader:
         for tick, topic, data in self.messages():
             if tick != current:
                 if tick < current:
-                    raise BagContentError(f"{self.path}: tick {tick} after tick {current}")
+                    raise BagContentError(f'{self.path}: tick {tick} after tick {current}')
                 if current >= 0:
                     yield current, held
                 current, held = tick, list(slots)
             if held[topic] is not None:
                 raise BagContentError(
-                    f"{self.path}: {self.topics[topic].path}: tick {tick} has two messages"
+                    f'{self.path}: {self.topics[topic].path}: tick {tick} has two messages'
                 )
             held[topic] = data
         if current >= 0:
@@ -198,7 +211,7 @@ class BagReader:
             return decode_ticks(self.topics, first, rows)
         except ValueError as error:
             last = first + len(rows) - 1
-            raise BagContentError(f"{self.path}: ticks {first} to {last}: {error}") from None
+            raise BagContentError(f'{self.path}: ticks {first} to {last}: {error}') from None
 
 
 def _read_front(path: Path) -> Front:
@@ -264,7 +277,7 @@ def _change(path: Path, data: bytes, period_ns: int) -> Change:
     try:
         return changes.decode(data, period_ns)
     except ValueError as error:
-        raise BagContentError(f"{path}: {changes.PATH}: {error}") from None
+        raise BagContentError(f'{path}: {changes.PATH}: {error}') from None
 
 
 def front_config(path: Path, front: Front) -> RunConfig:
@@ -276,10 +289,10 @@ def front_config(path: Path, front: Front) -> RunConfig:
         return scenario.from_text(text, torques, SCENARIO_FILE)
     except KeyError:
         raise BagContentError(
-            f"{path}: no scenario in it: not a bag of this package, or damaged at its front"
+            f'{path}: no scenario in it: not a bag of this package, or damaged at its front'
         ) from None
     except (UnicodeDecodeError, scenario.ScenarioError) as error:
-        raise BagContentError(f"{path}: its scenario: {error}") from None
+        raise BagContentError(f'{path}: its scenario: {error}') from None
 
 
 def front_provenance(front: Front) -> Provenance:
@@ -297,10 +310,10 @@ def topic_index(path: Path, front: Front, topics: Sequence[Topic]) -> dict[int, 
     found: dict[int, int] = {}
     for channel in front.channels.values():
         schema = front.schemas.get(channel.schema_id)
-        key = (channel.topic, schema.name if schema else "")
-        if key in known and channel.message_encoding == "cdr":
+        key = (channel.topic, schema.name if schema else '')
+        if key in known and channel.message_encoding == 'cdr':
             found[channel.id] = known[key]
     missing = [topic.path for i, topic in enumerate(topics) if i not in found.values()]
     if missing:
-        raise BagContentError(f"{path}: topic missing: {', '.join(missing)}")
+        raise BagContentError(f'{path}: topic missing: {", ".join(missing)}')
     return found

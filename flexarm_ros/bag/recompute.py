@@ -1,10 +1,22 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What each node should have published at a tick, from what was recorded before it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
 
 from flexarm_ros.bag.topics import (
     CLOCK,
@@ -16,13 +28,14 @@ from flexarm_ros.bag.topics import (
     Topic,
 )
 from flexarm_ros.core.changes import Agenda
-from flexarm_ros.core.control import Sample, make_law
+from flexarm_ros.core.control import make_law, Sample
 from flexarm_ros.core.loop import TickRecord
-from flexarm_ros.core.parameters import RunConfig, changed
+from flexarm_ros.core.parameters import changed, RunConfig
 from flexarm_ros.core.plant import make_plant
-from flexarm_ros.core.sensors import Encoder, TipSensor, further_sensors
+from flexarm_ros.core.sensors import Encoder, further_sensors, TipSensor
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference
+import numpy as np
 
 Values = tuple[float, ...]
 Stamped = tuple[int, Values]

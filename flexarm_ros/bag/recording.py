@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The directory of a run: made first, marked incomplete, finished last.
 
 ``DIR/bag`` is the recording, ``DIR/summary.json`` says from the first moment
@@ -7,12 +21,12 @@ when the bag is closed.
 
 from __future__ import annotations
 
-import contextlib
-import os
-import shutil
 from collections.abc import Iterable
+import contextlib
 from dataclasses import replace
+import os
 from pathlib import Path
+import shutil
 from typing import Any
 
 from flexarm_ros.bag.errors import BagError, BagExistsError
@@ -29,8 +43,8 @@ from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.metrics import Metrics
 from flexarm_ros.core.parameters import RunConfig
 
-BAG = "bag"
-_DAMAGED = "bag-damaged"
+BAG = 'bag'
+_DAMAGED = 'bag-damaged'
 
 
 class Recording:
@@ -41,7 +55,7 @@ class Recording:
     """
 
     def __init__(
-        self, config: RunConfig, directory: Path, name: str = "", foreign: Iterable[str] = ()
+        self, config: RunConfig, directory: Path, name: str = '', foreign: Iterable[str] = ()
     ) -> None:
         self.directory = directory
         self._writer = BagWriter(directory / BAG, config, Provenance.here(name, foreign))
@@ -55,17 +69,17 @@ class Recording:
     def set_aside(self, number: int) -> None:
         """Finish the bag of a run that starts again; it stays as ``bag-before-reset-NUMBER``."""
         self._writer.close()
-        os.rename(self.directory / BAG, self.directory / f"{BAG}-before-reset-{number}")
+        os.rename(self.directory / BAG, self.directory / f'{BAG}-before-reset-{number}')
 
     def abandon(self) -> None:
         """Leave the bag as it is, after an error of writing."""
         self._writer.abandon()
 
 
-def free_directory(name: str, below: Path = Path("runs")) -> Path:
+def free_directory(name: str, below: Path = Path('runs')) -> Path:
     """Return ``runs/NAME``, or ``runs/NAME-2`` ... where that is taken."""
     number = 1
-    while (path := below / (name if number == 1 else f"{name}-{number}")).exists():
+    while (path := below / (name if number == 1 else f'{name}-{number}')).exists():
         number += 1
     return path
 
@@ -78,7 +92,7 @@ def prepare_directory(directory: Path, config: RunConfig, name: str) -> None:
     """
     directory.mkdir(parents=True, exist_ok=True)
     if any(directory.iterdir()):
-        raise BagExistsError(f"{directory}: exists and is not empty, not overwritten")
+        raise BagExistsError(f'{directory}: exists and is not empty, not overwritten')
     write_summary(directory, unfinished_summary(config, Provenance.here(name)))
 
 
@@ -87,7 +101,7 @@ def finish_run(
     config: RunConfig,
     name: str,
     wall_s: float | None = None,
-    problem: str = "",
+    problem: str = '',
     unstable: tuple[int, str] | None = None,
 ) -> dict[str, Any]:
     """Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
@@ -112,9 +126,9 @@ def finish_run(
 def _mend_bag(directory: Path, config: RunConfig, provenance: Provenance) -> None:
     """Replace a bag that was never closed by what can be rescued of it, or by an empty one."""
     bag = directory / BAG
-    if not bag.is_dir() or (bag / "metadata.yaml").exists():
+    if not bag.is_dir() or (bag / 'metadata.yaml').exists():
         return
-    rescued = directory / "bag-rescued"
+    rescued = directory / 'bag-rescued'
     if not recover(bag, rescued).kept:
         with contextlib.suppress(OSError):
             shutil.rmtree(rescued)

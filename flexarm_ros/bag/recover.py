@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Rescue of a damaged bag into a new one.
 
 Chunks are the unit: each has a checksum and is kept whole or not at all.
@@ -9,39 +23,36 @@ rescued nevertheless, but the new bag cannot be run again.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 import hashlib
 import json
 import os
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-
-from mcap.opcode import Opcode
-from mcap.records import Header
+import shutil
 
 from flexarm_ros import scenario
 from flexarm_ros.bag import changes
 from flexarm_ros.bag.errors import BagContentError, BagError, BagExistsError
 from flexarm_ros.bag.frontmatter import (
+    bag_config,
     PARAMETERS_RECORD,
     PROVENANCE_FILE,
     RUN_RECORD,
     SCENARIO_FILE,
     TORQUES_FILE,
-    bag_config,
 )
 from flexarm_ros.bag.mcapfile import LIBRARY
 from flexarm_ros.bag.plain import PlainWriter
-from flexarm_ros.bag.reader import Front, find_bag, front_config, front_provenance, topic_index
+from flexarm_ros.bag.reader import find_bag, Front, front_config, front_provenance, topic_index
 from flexarm_ros.bag.scan import (
-    DATA_CHECKSUM,
     Damage,
+    DATA_CHECKSUM,
+    inner_records,
+    library_record,
     Message,
     Record,
     Scanner,
-    inner_records,
-    library_record,
     unpack,
 )
 from flexarm_ros.bag.topics import per_tick_topics
@@ -49,6 +60,8 @@ from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.torque_file import parse_torques
+from mcap.opcode import Opcode
+from mcap.records import Header
 
 _ATTACHED = (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE)
 
@@ -102,11 +115,11 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
     """
     path, target = find_bag(run), Path(new_bag)
     if os.path.lexists(target):
-        raise BagExistsError(f"{target}: exists already, not overwritten")
+        raise BagExistsError(f'{target}: exists already, not overwritten')
     rescue = Rescue()
     front, chunks = _survey(path, rescue)
     if not chunks:
-        rescue.note("no sound chunk of messages")
+        rescue.note('no sound chunk of messages')
         return rescue
     config = _config(path, front, rescue)
     try:
@@ -200,7 +213,7 @@ def _sound(path: Path, record: Record, rescue: Rescue) -> bool:
 
 def _what(error: BagError) -> str:
     if isinstance(error, Damage):
-        return f"damaged at byte {error.offset}: {error.what}"
+        return f'damaged at byte {error.offset}: {error.what}'
     return str(error)
 
 
@@ -211,22 +224,22 @@ def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
     except BagContentError as error:
         first = str(error)
     try:
-        rows = front.attachments.get(TORQUES_FILE, b"").decode()
+        rows = front.attachments.get(TORQUES_FILE, b'').decode()
         torques = parse_torques(rows, TORQUES_FILE) if rows else ()
         data: dict[str, dict[str, object]] = {}
         for name, text in front.metadata[PARAMETERS_RECORD].items():
-            section, _, key = name.partition(".")
+            section, _, key = name.partition('.')
             data.setdefault(section, {})[key] = json.loads(text)
         config = scenario.from_dict(data, torques)
         text = scenario.dump(bag_config(config)) + scenario.write_torques(config.torques)
         digest = hashlib.sha256(text.encode()).hexdigest()
-        if digest == front.metadata[RUN_RECORD]["sha256"]:
+        if digest == front.metadata[RUN_RECORD]['sha256']:
             rescue.note("the scenario's attachment; restored from its copy")
             return config
     except (KeyError, ValueError, TypeError, RecursionError):
         pass
     rescue.lost_front = True
-    rescue.note(first.removeprefix(f"{path}: "))
+    rescue.note(first.removeprefix(f'{path}: '))
     return None
 
 
@@ -234,7 +247,7 @@ def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescu
     """Write the sound messages as a bag of this run."""
     if PROVENANCE_FILE not in front.attachments:
         rescue.lost_front = True
-        rescue.note("its provenance (package versions, source) is lost")
+        rescue.note('its provenance (package versions, source) is lost')
     topics = per_tick_topics(config)
     timeline = Timeline.of(config.run)
     rescue.planned = timeline.ticks
@@ -243,7 +256,7 @@ def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescu
         try:
             index = topic_index(path, front, topics)
         except BagContentError as error:
-            rescue.note(f"{str(error).removeprefix(f'{path}: ')}; our own order assumed")
+            rescue.note(f'{str(error).removeprefix(f"{path}: ")}; our own order assumed')
     altering = {c.id for c in front.channels.values() if c.topic == changes.PATH}
     with BagWriter(target, config, front_provenance(front)) as writer:
         for record in _sound_records(path, Rescue()):
@@ -285,7 +298,7 @@ def _rescue_messages(
 def _rescue_plain(path: Path, front: Front, target: Path, rescue: Rescue) -> None:
     """Write the sound messages without a scenario, as their channels describe them."""
     if not front.channels:
-        rescue.note("nothing says what its channels hold")
+        rescue.note('nothing says what its channels hold')
         return
     with PlainWriter(target, front) as writer:
         for record in _sound_records(path, Rescue()):

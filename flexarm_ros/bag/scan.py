@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Sequential reading of an MCAP file that may be damaged or hostile.
 
 Nothing of the file's own index is trusted or used: records are read one after
@@ -8,24 +22,23 @@ to at most the size they declare.
 
 from __future__ import annotations
 
-import io
-import mmap
-import re
-import struct
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+import io
+import mmap
 from pathlib import Path
+import re
+import struct
 from typing import Any, BinaryIO, TypeVar
-
-import lz4.frame  # type: ignore[import-untyped]
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Chunk, DataEnd, Footer
+import zlib
 
 from flexarm_ros.bag.errors import BagError, BagFormatError, BagLimitError
 from flexarm_ros.bag.mcapfile import MAGIC
+import lz4.frame  # type: ignore[import-untyped]
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Chunk, DataEnd, Footer
+import zstandard
 
 MAX_RECORD = 128 * 1024 * 1024
 """Largest record that is read, bytes (a torque file may have 64 MiB)."""
@@ -33,19 +46,19 @@ MAX_RECORD = 128 * 1024 * 1024
 MAX_CHUNK_DATA = 64 * 1024 * 1024
 """Largest chunk that is decompressed, bytes (ours end at 8 MiB)."""
 
-DATA_CHECKSUM = "checksum of the data section"
+DATA_CHECKSUM = 'checksum of the data section'
 
-_HEAD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
+_HEAD = struct.Struct('<BQ')
+_MESSAGE = struct.Struct('<HIQQ')
 _MESSAGE_OPCODE = int(Opcode.MESSAGE)
 _KNOWN = frozenset(int(opcode) for opcode in Opcode)
 _CHUNK_START = re.compile(
-    rb"\x06[\s\S]{5}\x00{3}[\s\S]{16}[\s\S]{4}\x00{4}[\s\S]{4}"
-    rb"(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)[\s\S]{5}\x00{3}"
+    rb'\x06[\s\S]{5}\x00{3}[\s\S]{16}[\s\S]{4}\x00{4}[\s\S]{4}'
+    rb'(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)[\s\S]{5}\x00{3}'
 )
 """A chunk record of less than 1 TiB, up to the length of its data."""
 
-T = TypeVar("T")
+T = TypeVar('T')
 
 
 @dataclass(frozen=True)
@@ -77,7 +90,7 @@ class Damage(BagFormatError):
     """The file breaks off or is damaged at byte ``offset``."""
 
     def __init__(self, path: Path, offset: int, what: str) -> None:
-        super().__init__(f"{path}: damaged at byte {offset}: {what}")
+        super().__init__(f'{path}: damaged at byte {offset}: {what}')
         self.offset = offset
         self.what = what
 
@@ -93,13 +106,13 @@ class Scanner:
         self.path = path
         try:
             if not path.is_file():
-                raise BagError(f"{path}: not a file")
-            self._file: BinaryIO = open(path, "rb")  # noqa: SIM115 - closed by close()
+                raise BagError(f'{path}: not a file')
+            self._file: BinaryIO = open(path, 'rb')  # noqa: SIM115 - closed by close()
             self.size = self._file.seek(0, io.SEEK_END)
         except OSError as error:
-            raise BagError(f"{path}: cannot be read: {error.strerror}") from None
+            raise BagError(f'{path}: cannot be read: {error.strerror}') from None
         except ValueError as error:
-            raise BagError(f"{path!r}: cannot be read: {error}") from None
+            raise BagError(f'{path!r}: cannot be read: {error}') from None
 
     def close(self) -> None:
         """Close the file."""
@@ -125,7 +138,7 @@ class Scanner:
         wrong, or the end is missing.
         """
         if start is None and not self.is_mcap():
-            raise BagFormatError(f"{self.path}: not an MCAP file")
+            raise BagFormatError(f'{self.path}: not an MCAP file')
         checked = bodies and start is None
         crc = zlib.crc32(MAGIC)
         position, summary = len(MAGIC) if start is None else start, -1
@@ -148,20 +161,20 @@ class Scanner:
         self._file.seek(position)
         self._head = self._file.read(_HEAD.size)
         if len(self._head) < _HEAD.size:
-            raise Damage(self.path, position, "the file breaks off")
+            raise Damage(self.path, position, 'the file breaks off')
         opcode, length = _HEAD.unpack(self._head)
         if opcode not in _KNOWN and opcode < 0x80:  # 0x80 and above: private, to be ignored
-            raise Damage(self.path, position, f"no record (opcode {opcode})")
+            raise Damage(self.path, position, f'no record (opcode {opcode})')
         end = position + _HEAD.size + length
         if end > self.size:
-            raise Damage(self.path, position, "a record that the file does not hold whole")
+            raise Damage(self.path, position, 'a record that the file does not hold whole')
         self._skipped = 0
         if opcode == Opcode.CHUNK and not bodies:
             self._skipped = end
-            return Record(opcode, position, b"")
+            return Record(opcode, position, b'')
         if length > MAX_RECORD:
             raise BagLimitError(
-                f"{self.path}: a record of {length} bytes; at most {MAX_RECORD} are read"
+                f'{self.path}: a record of {length} bytes; at most {MAX_RECORD} are read'
             )
         return Record(opcode, position, self._file.read(length))
 
@@ -169,11 +182,11 @@ class Scanner:
         footer = parse(self.path, record, Footer.read)
         self._file.seek(position)
         if self._file.read(len(MAGIC) + 1) != MAGIC:
-            raise Damage(self.path, position, "the end of the file")
+            raise Damage(self.path, position, 'the end of the file')
         if not footer.summary_crc:
             return
         if summary < 0 or footer.summary_start != summary:
-            raise Damage(self.path, record.offset, "the place of the summary")
+            raise Damage(self.path, record.offset, 'the place of the summary')
         self._file.seek(summary)
         left, crc = position - 4 - summary, 0
         while left > 0:
@@ -182,7 +195,7 @@ class Scanner:
                 break
             crc, left = zlib.crc32(part, crc), left - len(part)
         if crc != footer.summary_crc:
-            raise Damage(self.path, summary, "checksum of the summary")
+            raise Damage(self.path, summary, 'checksum of the summary')
 
     def next_chunk(self, start: int) -> int | None:
         """Return where the next sound chunk after a damage starts, or ``None``."""
@@ -199,7 +212,7 @@ class Scanner:
 
     def find_attachment(self, name: str) -> bytes | None:
         """Return the data of a sound attachment of this name, wherever it stands."""
-        needle = len(name).to_bytes(4, "little") + name.encode()
+        needle = len(name).to_bytes(4, 'little') + name.encode()
         if not self.size:
             return None
         with mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ) as view:
@@ -227,7 +240,7 @@ class Scanner:
 
 def attachment_sound(record: Record) -> bool:
     """Whether an attachment's checksum is right (or left out)."""
-    crc = int.from_bytes(record.body[-4:], "little")
+    crc = int.from_bytes(record.body[-4:], 'little')
     return crc in (0, zlib.crc32(record.body[:-4]))
 
 
@@ -240,7 +253,9 @@ def parse(path: Path, record: Record, reader: Callable[[ReadDataStream], T]) -> 
     try:
         found = reader(stream)
     except Exception as error:  # whatever the library trips over in damaged bytes
-        raise Damage(path, record.offset, f"content of a record ({type(error).__name__})") from None
+        raise Damage(
+            path, record.offset, f'content of a record ({type(error).__name__})'
+        ) from None
     return found
 
 
@@ -253,18 +268,18 @@ def unpack(path: Path, record: Record) -> bytes:
     size = chunk.uncompressed_size
     if size > MAX_CHUNK_DATA:
         raise BagLimitError(
-            f"{path}: a chunk of {size} bytes; at most {MAX_CHUNK_DATA} are decompressed"
+            f'{path}: a chunk of {size} bytes; at most {MAX_CHUNK_DATA} are decompressed'
         )
     try:
         data = _DECOMPRESS[chunk.compression](chunk.data, size)
     except KeyError:
-        raise Damage(path, record.offset, "unknown compression of a chunk") from None
+        raise Damage(path, record.offset, 'unknown compression of a chunk') from None
     except (zstandard.ZstdError, RuntimeError, EOFError, ValueError, MemoryError):
-        raise Damage(path, record.offset, "compressed data of a chunk") from None
+        raise Damage(path, record.offset, 'compressed data of a chunk') from None
     if len(data) != size:
-        raise Damage(path, record.offset, "length of a chunk")
+        raise Damage(path, record.offset, 'length of a chunk')
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
-        raise Damage(path, record.offset, "checksum of a chunk")
+        raise Damage(path, record.offset, 'checksum of a chunk')
     return data
 
 
@@ -280,9 +295,9 @@ def _unlz4(data: bytes, size: int) -> bytes:
 
 
 _DECOMPRESS: dict[str, Callable[[bytes, int], bytes]] = {
-    "": lambda data, size: data,
-    "lz4": _unlz4,
-    "zstd": _unzstd,
+    '': lambda data, size: data,
+    'lz4': _unlz4,
+    'zstd': _unzstd,
 }
 
 
@@ -291,14 +306,14 @@ def inner_records(path: Path, offset: int, data: bytes) -> Iterator[Message | Re
     position, size = 0, len(data)
     while position < size:
         if position + _HEAD.size > size:
-            raise Damage(path, offset, "records inside of a chunk")
+            raise Damage(path, offset, 'records inside of a chunk')
         opcode, length = _HEAD.unpack_from(data, position)
         position += _HEAD.size
         if length > size - position:
-            raise Damage(path, offset, "records inside of a chunk")
+            raise Damage(path, offset, 'records inside of a chunk')
         if opcode == _MESSAGE_OPCODE:
             if length < _MESSAGE.size:
-                raise Damage(path, offset, "a message inside of a chunk")
+                raise Damage(path, offset, 'a message inside of a chunk')
             head = _MESSAGE.unpack_from(data, position)
             channel, sequence, log_time, publish_time = head
             yield Message(

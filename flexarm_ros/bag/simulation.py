@@ -1,14 +1,26 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The closed loop in one process, recorded: what ``flexarm simulate`` does."""
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Iterator
+import os
 from pathlib import Path
+import time
 from typing import Any
-
-import numpy as np
 
 from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.provenance import Provenance
@@ -18,6 +30,7 @@ from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.loop import ClosedLoop, TickRecord
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import Timeline
+import numpy as np
 
 _BLOCK_TICKS = 512
 
@@ -90,7 +103,7 @@ def loop_blocks(loop: ClosedLoop) -> Iterator[Block]:
 def simulate(
     config: RunConfig,
     directory: str | os.PathLike[str],
-    name: str = "",
+    name: str = '',
     watch: Callable[[int, int], None] = lambda *_: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
@@ -116,5 +129,5 @@ def simulate(
     unstable = None
     if loop.unstable is not None and loop.unstable_tick is not None:
         unstable = (loop.unstable_tick, loop.unstable)
-    problem = f"interrupted at tick {loop.k}" if interrupted else ""
+    problem = f'interrupted at tick {loop.k}' if interrupted else ''
     return finish_run(directory, config, name, wall_s, problem, unstable)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A bag's messages as tables, topic by topic, in flat memory."""
 
 from __future__ import annotations
@@ -5,11 +19,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from flexarm_ros.bag.cdr import FloatArray, IntArray
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.reader import BagReader
+import numpy as np
 
 BATCH = 512
 
@@ -57,7 +70,7 @@ def _decode(reader: BagReader, ticks: list[list[int]], data: list[list[bytes]]) 
             stamps, values = topic.codec.decode_block(data[i])
         except ValueError as error:
             raise BagContentError(
-                f"{reader.path}: {topic.path}, ticks {ticks[i][0]} to {ticks[i][-1]}: {error}"
+                f'{reader.path}: {topic.path}, ticks {ticks[i][0]} to {ticks[i][-1]}: {error}'
             ) from None
         found.append(Batch(i, np.array(ticks[i], np.int64), stamps, values))
     return found

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The topics of a run: names, types, quality of service and canonical order.
 
 At every tick each of these topics carries exactly one message.  The order of
@@ -12,9 +26,9 @@ from dataclasses import dataclass
 from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
 from flexarm_ros.core.parameters import RunConfig
 
-BASE_FRAME = "base"
-JOINTS = ("shoulder", "elbow")
-LINKS = ("link1", "link2")
+BASE_FRAME = 'base'
+JOINTS = ('shoulder', 'elbow')
+LINKS = ('link1', 'link2')
 
 CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = range(6)
 """Index of each topic in ``per_tick_topics``; those of further tip sensors come behind them."""
@@ -32,9 +46,9 @@ acknowledged once the depth is passed.
 class Qos:
     """Quality of service of a topic, in rmw's terms."""
 
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    history: str = "keep_last"
+    reliability: str = 'reliable'
+    durability: str = 'volatile'
+    history: str = 'keep_last'
     depth: int = DEPTH
 
 
@@ -55,7 +69,7 @@ class Topic:
     @property
     def path(self) -> str:
         """Absolute name, as in a bag."""
-        return self.name if self.name.startswith("/") else "/" + self.name
+        return self.name if self.name.startswith('/') else '/' + self.name
 
     @property
     def type_name(self) -> str:
@@ -65,7 +79,7 @@ class Topic:
 
 def state_names(modes: int) -> tuple[str, ...]:
     """Names of the plant's coordinates for ``modes`` assumed modes a link."""
-    modal = [f"{link}_mode{i}" for link in LINKS for i in range(1, modes + 1)]
+    modal = [f'{link}_mode{i}' for link in LINKS for i in range(1, modes + 1)]
     return (*JOINTS, *modal)
 
 
@@ -73,16 +87,16 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """Return the topics of a run in canonical order."""
     state = JointStateCodec((*state_names(config.plant.modes), *LINKS), BASE_FRAME)
     joints = JointStateCodec(JOINTS, BASE_FRAME)
-    tip = OdometryCodec(BASE_FRAME, "tip_sensor", config.tip_sensor.noise_std**2)
-    reference = OdometryCodec(BASE_FRAME, "reference")
-    command = JointStateCodec(JOINTS, BASE_FRAME, ("effort",))
+    tip = OdometryCodec(BASE_FRAME, 'tip_sensor', config.tip_sensor.noise_std**2)
+    reference = OdometryCodec(BASE_FRAME, 'reference')
+    command = JointStateCodec(JOINTS, BASE_FRAME, ('effort',))
     return (
-        Topic("/clock", "plant", ClockCodec()),
-        Topic("plant/state", "plant", state),
-        Topic("joint_states", "encoder", joints),
-        Topic("tip_sensor/odometry", "tip_sensor", tip),
-        Topic("reference", "trajectory", reference),
-        Topic("joint_command", "controller", command),
+        Topic('/clock', 'plant', ClockCodec()),
+        Topic('plant/state', 'plant', state),
+        Topic('joint_states', 'encoder', joints),
+        Topic('tip_sensor/odometry', 'tip_sensor', tip),
+        Topic('reference', 'trajectory', reference),
+        Topic('joint_command', 'controller', command),
         *_further_sensors(config),
     )
 
@@ -93,8 +107,8 @@ def _further_sensors(config: RunConfig) -> tuple[Topic, ...]:
     numbers = range(1, len(config.tip_sensor.more_locations or ()) + 1)
     return tuple(
         Topic(
-            f"tip_sensor/odometry_{number}", "tip_sensor",
-            OdometryCodec(BASE_FRAME, f"tip_sensor_{number}", variance),
+            f'tip_sensor/odometry_{number}', 'tip_sensor',
+            OdometryCodec(BASE_FRAME, f'tip_sensor_{number}', variance),
         )
         for number in numbers
     )  # fmt: skip

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Proof of a recorded run: every message computed anew and compared byte for byte.
 
 Node by node, from the recorded inputs (the plant from the recorded state and
@@ -8,22 +22,21 @@ fault; and the closed loop from the scenario alone.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-
-import numpy as np
+import os
 
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.metadata import read_counts
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.recompute import Nodes, Stamped, Tick, Values, loop_messages
-from flexarm_ros.bag.topics import STATE, Topic, per_tick_topics
+from flexarm_ros.bag.recompute import loop_messages, Nodes, Stamped, Tick, Values
+from flexarm_ros.bag.topics import per_tick_topics, STATE, Topic
 from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.loop import ClosedLoop
+import numpy as np
 
-LOOP = "closed loop"
+LOOP = 'closed loop'
 
 
 @dataclass(frozen=True)
@@ -38,10 +51,10 @@ class Difference:
     computed: str
 
     def __str__(self) -> str:
-        what = f" {self.field}:" if self.field else ":"
+        what = f' {self.field}:' if self.field else ':'
         return (
-            f"tick {self.tick}, {self.topic}{what} {self.recorded} recorded, "
-            f"{self.computed} computed"
+            f'tick {self.tick}, {self.topic}{what} {self.recorded} recorded, '
+            f'{self.computed} computed'
         )
 
 
@@ -106,17 +119,17 @@ class _Comparison:
         try:
             stamp, values = codec.decode_any(data)
         except ValueError as error:
-            return "", str(error), "a message"
+            return '', str(error), 'a message'
         if stamp != wanted[0]:
-            return "stamp", f"{stamp} ns", f"{wanted[0]} ns"
+            return 'stamp', f'{stamp} ns', f'{wanted[0]} ns'
         for name, recorded, computed in zip(codec.fields, values, wanted[1], strict=True):
             if np.float64(recorded).tobytes() != np.float64(computed).tobytes():
                 return name, repr(recorded), repr(float(computed))
         try:
             codec.decode(data)
         except ValueError:
-            return "", "", ""  # a foreign node's layout, the same content
-        return "padding", "other bytes", "zeros"
+            return '', '', ''  # a foreign node's layout, the same content
+        return 'padding', 'other bytes', 'zeros'
 
 
 _RAGGED_TICKS = 256
@@ -168,8 +181,8 @@ class _Run:
         record = self._loop.tick() if self._loop.k == tick else None
         if record is None:
             self._comparison.differs(Difference(
-                LOOP, tick, self._topics[STATE].path, "", "a tick",
-                f"unstable at tick {self._loop.unstable_tick} ({self._loop.unstable})",
+                LOOP, tick, self._topics[STATE].path, '', 'a tick',
+                f'unstable at tick {self._loop.unstable_tick} ({self._loop.unstable})',
             ))  # fmt: skip
             return
         all_wanted = loop_messages(record, self._reader.timeline.stamp_ns(tick))
@@ -184,7 +197,7 @@ class _Run:
             if data is None:
                 missing.append(self._topics[i].path)
         if missing:
-            self._incomplete.append(f"tick {tick}: no message on {', '.join(missing)}")
+            self._incomplete.append(f'tick {tick}: no message on {", ".join(missing)}')
             return
         self._verdict.ticks += 1
         self._verdict.faults += self._incomplete
@@ -192,9 +205,9 @@ class _Run:
 
     def _skip_to(self, tick: int) -> None:
         first = self._last + 1
-        span = f"tick {first} is" if tick == first + 1 else f"ticks {first} to {tick - 1} are"
+        span = f'tick {first} is' if tick == first + 1 else f'ticks {first} to {tick - 1} are'
         self._verdict.faults.append(
-            f"{span} missing; encoder, tip sensor and controller are not judged behind that"
+            f'{span} missing; encoder, tip sensor and controller are not judged behind that'
         )
         while self._loop is not None and self._loop.k < tick:
             if self._loop.tick() is None:
@@ -204,7 +217,7 @@ class _Run:
         """Say why a run ends before its time."""
         verdict, loop = self._verdict, self._loop
         if not any(self.counts):
-            verdict.faults.append("no message in it: nothing is proved")
+            verdict.faults.append('no message in it: nothing is proved')
             return
         if self._incomplete:
             whole_run = self._last + 1 == verdict.planned
@@ -216,11 +229,11 @@ class _Run:
             return
         elif loop is not None and loop.k == self._last + 1 and loop.tick() is None:
             verdict.notes.append(
-                f"ends at tick {self._last}, unstable as computed: {loop.unstable}"
+                f'ends at tick {self._last}, unstable as computed: {loop.unstable}'
             )
             return
         verdict.notes.append(
-            f"ends at tick {self._last} of {verdict.planned}, compared as far as it goes"
+            f'ends at tick {self._last} of {verdict.planned}, compared as far as it goes'
         )
 
 
@@ -237,7 +250,7 @@ def verify(run: str | os.PathLike[str], foreign: Sequence[str] = ()) -> Verdict:
     skip = frozenset(foreign) | frozenset(reader.provenance.foreign)
     if skip:
         verdict.notes.append(
-            f"not ours, taken as recorded: {', '.join(sorted(skip))}; closed loop not computed"
+            f'not ours, taken as recorded: {", ".join(sorted(skip))}; closed loop not computed'
         )
     walk = _Run(reader, skip, verdict)
     try:
@@ -245,7 +258,7 @@ def verify(run: str | os.PathLike[str], foreign: Sequence[str] = ()) -> Verdict:
     except BagContentError as error:
         verdict.faults.append(str(error))
     if reader.damage is not None:
-        verdict.notes.append(f"{reader.damage}")
+        verdict.notes.append(f'{reader.damage}')
     else:
         _check_counts(reader, walk.counts, verdict)
     return verdict
@@ -254,18 +267,18 @@ def verify(run: str | os.PathLike[str], foreign: Sequence[str] = ()) -> Verdict:
 def _check_counts(reader: BagReader, counts: Sequence[int], verdict: Verdict) -> None:
     """Compare what ``metadata.yaml`` beside the file says with the file."""
     try:
-        said = read_counts(reader.path.parent / "metadata.yaml")
+        said = read_counts(reader.path.parent / 'metadata.yaml')
     except BagContentError as error:
         verdict.faults.append(str(error))
         return
     if said is None:
-        verdict.notes.append("no metadata.yaml beside the bag")
+        verdict.notes.append('no metadata.yaml beside the bag')
         return
     for topic, count in zip(reader.topics, counts, strict=True):
         if said.get(topic.path) != count:
             verdict.faults.append(
-                f"metadata.yaml: {said.get(topic.path, 'no')} messages on {topic.path}, "
-                f"the bag has {count}"
+                f'metadata.yaml: {said.get(topic.path, "no")} messages on {topic.path}, '
+                f'the bag has {count}'
             )
 
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Recording of a run into a rosbag2 directory with one MCAP file.
 
 The bytes depend on the scenario, the messages and the versions of the packages
@@ -8,44 +22,43 @@ of `flexarm_ros.bag.topics`) whatever order they came in.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import contextlib
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-
-import numpy as np
 
 from flexarm_ros.bag import changes
 from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.cdr import ByteArray
 from flexarm_ros.bag.errors import BagContentError, BagError
 from flexarm_ros.bag.files import make_directory, write_atomically
-from flexarm_ros.bag.frontmatter import FORMAT, attachments, front_matter
-from flexarm_ros.bag.mcapfile import MESSAGE_FIXED, MESSAGE_HEADER, McapFile
+from flexarm_ros.bag.frontmatter import attachments, FORMAT, front_matter
+from flexarm_ros.bag.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
 from flexarm_ros.bag.metadata import (
-    BagTopic,
     bag_information,
+    BagTopic,
     definition,
     qos_text,
     to_yaml,
 )
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.topics import Topic, per_tick_topics
+from flexarm_ros.bag.topics import per_tick_topics, Topic
 from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.timeline import T0_NS, seconds_to_ns
+from flexarm_ros.core.timeline import seconds_to_ns, T0_NS
+import numpy as np
 
-FILE_NAME = "bag_0.mcap"
+FILE_NAME = 'bag_0.mcap'
 
 RECORD_HEAD = np.dtype(
     [
-        ("opcode", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log_time", "<u8"),
-        ("publish_time", "<u8"),
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
     ]
 )
 """`MESSAGE_HEADER` as a numpy type."""
@@ -104,11 +117,13 @@ class BagWriter:
         slots = self._pending.get(tick)
         if slots is None:
             if tick < self._next:
-                raise BagContentError(f"{self.topics[topic].path}: message of tick {tick} too late")
+                raise BagContentError(
+                    f'{self.topics[topic].path}: message of tick {tick} too late'
+                )
             slots = self._pending[tick] = [None] * self._width
             self._missing[tick] = self._width
         if slots[topic] is not None:
-            raise BagContentError(f"{self.topics[topic].path}: second message of tick {tick}")
+            raise BagContentError(f'{self.topics[topic].path}: second message of tick {tick}')
         slots[topic] = data
         self._missing[tick] -= 1
         while self._missing.get(self._next) == 0:
@@ -119,7 +134,7 @@ class BagWriter:
         if not self._changes_channel:
             text, digest = definition(changes.TYPE)
             schema = self._file.add_schema(changes.TYPE, text)
-            channel = {"offered_qos_profiles": qos_text(changes.QOS), "topic_type_hash": digest}
+            channel = {'offered_qos_profiles': qos_text(changes.QOS), 'topic_type_hash': digest}
             self._changes_channel = self._file.add_channel(changes.PATH, schema, channel)
         if change.tick < self._next:
             self._append_change(change, 0)
@@ -129,7 +144,7 @@ class BagWriter:
     def write_block(self, block: Block) -> None:
         """Take whole ticks, the next ones, as numbers; the same bytes, four times as fast."""
         if block.first != self._next or self._pending:
-            raise BagError(f"{self.directory}: ticks from {block.first} where {self._next} is due")
+            raise BagError(f'{self.directory}: ticks from {block.first} where {self._next} is due')
         rows = self._records(block)
         done = 0
         while done < len(rows):
@@ -167,15 +182,15 @@ class BagWriter:
         if self._changes_channel:
             digest, count = definition(changes.TYPE)[1], self._file.counts[self._changes_channel]
             topics.append(BagTopic(changes.PATH, changes.TYPE, digest, changes.QOS, count))
-        custom = {"scenario": self._provenance.name, "format": FORMAT}
+        custom = {'scenario': self._provenance.name, 'format': FORMAT}
         information = bag_information(
             FILE_NAME, self._file.start_time, self._file.end_time, topics, custom
         )
-        self._file.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
+        self._file.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
         self._file.finish()
         write_atomically(
-            self.directory / "metadata.yaml",
-            to_yaml({"rosbag2_bagfile_information": information}),
+            self.directory / 'metadata.yaml',
+            to_yaml({'rosbag2_bagfile_information': information}),
         )
 
     def abandon(self) -> None:
@@ -249,11 +264,11 @@ class BagWriter:
         parts = []
         for i, topic in enumerate(self.topics):
             head = np.empty(count, RECORD_HEAD)
-            head["opcode"] = 5
-            head["length"] = MESSAGE_FIXED + topic.codec.size
-            head["channel"] = i + 1
-            head["sequence"] = ticks + 1
-            head["log_time"] = head["publish_time"] = T0_NS + ticks * self._period_ns
+            head['opcode'] = 5
+            head['length'] = MESSAGE_FIXED + topic.codec.size
+            head['channel'] = i + 1
+            head['sequence'] = ticks + 1
+            head['log_time'] = head['publish_time'] = T0_NS + ticks * self._period_ns
             parts.append(head.view(np.uint8).reshape(count, RECORD_HEAD.itemsize))
             parts.append(topic.codec.encode_block(block.stamps[i], block.values[i]))
         return np.concatenate(parts, axis=1)
@@ -279,7 +294,7 @@ class BagWriter:
 
     def _end_chunk(self) -> None:
         if self._parts:
-            data = b"".join(self._parts)
+            data = b''.join(self._parts)
             self._file.add_chunk(data, self._channels, self._times, self._lengths)
             self._clear_chunk()
 
@@ -295,8 +310,8 @@ class BagWriter:
                 topic.path,
                 schemas[topic.type_name],
                 {
-                    "offered_qos_profiles": qos_text(topic.qos),
-                    "topic_type_hash": digest,
+                    'offered_qos_profiles': qos_text(topic.qos),
+                    'topic_type_hash': digest,
                 },
             )
         for name, data in front_matter(config, self._provenance).items():

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The command ``flexarm``.
 
 Each command is a module of this package with ``add_parser(subparsers)`` and
@@ -11,30 +25,30 @@ bag rescued in part; 130 after Ctrl-C, 143 after SIGTERM.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import importlib
 import os
-import sys
-from collections.abc import Sequence
 from pathlib import Path
+import sys
 from typing import Any, NoReturn
 
 from flexarm_ros.cli import signals
 
 COMMANDS = {
-    "list": ("listing", "the shipped scenarios and suites"),
-    "run": ("run", "fly a scenario as ROS 2 nodes in lock-step, recorded"),
-    "simulate": ("simulate", "fly a scenario in one process, without ROS"),
-    "suite": ("suite", "fly many scenarios and check what is expected of them"),
-    "replay": ("replay", "publish a recorded run again"),
-    "verify": ("verify", "recompute a recorded run and compare every message"),
-    "recover": ("recover", "rescue a damaged bag into a new one"),
-    "report": ("report", "pictures and one HTML page of runs"),
-    "modes": ("modes", "natural frequencies of the arm"),
-    "sweep": ("sweep", "many scenarios in parallel, one table"),
-    "stability": ("stability", "eigenvalues and margins of the sampled loop"),
-    "export": ("export", "a bag's messages as CSV or Parquet"),
-    "compare": ("compare", "differences between two runs"),
-    "view": ("view", "live view of a run in a browser"),
+    'list': ('listing', 'the shipped scenarios and suites'),
+    'run': ('run', 'fly a scenario as ROS 2 nodes in lock-step, recorded'),
+    'simulate': ('simulate', 'fly a scenario in one process, without ROS'),
+    'suite': ('suite', 'fly many scenarios and check what is expected of them'),
+    'replay': ('replay', 'publish a recorded run again'),
+    'verify': ('verify', 'recompute a recorded run and compare every message'),
+    'recover': ('recover', 'rescue a damaged bag into a new one'),
+    'report': ('report', 'pictures and one HTML page of runs'),
+    'modes': ('modes', 'natural frequencies of the arm'),
+    'sweep': ('sweep', 'many scenarios in parallel, one table'),
+    'stability': ('stability', 'eigenvalues and margins of the sampled loop'),
+    'export': ('export', "a bag's messages as CSV or Parquet"),
+    'compare': ('compare', 'differences between two runs'),
+    'view': ('view', 'live view of a run in a browser'),
 }
 """Command -> (module of this package, one line for the help)."""
 
@@ -47,11 +61,11 @@ class _Parser(argparse.ArgumentParser):
     """A parser whose errors take two lines, not the whole usage."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        kwargs.setdefault("allow_abbrev", False)
+        kwargs.setdefault('allow_abbrev', False)
         super().__init__(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: error: {message}\nsee: {self.prog} --help\n")
+        self.exit(2, f'{self.prog}: error: {message}\nsee: {self.prog} --help\n')
 
 
 class _Version(argparse.Action):
@@ -60,7 +74,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
         from flexarm_ros.cli.version import package_version
 
-        print(f"flexarm {package_version()}")
+        print(f'flexarm {package_version()}')
         parser.exit()
 
 
@@ -100,22 +114,22 @@ class _Output:
 
 def _available() -> dict[str, tuple[str, str]]:
     here = Path(__file__).parent
-    return {name: entry for name, entry in COMMANDS.items() if (here / f"{entry[0]}.py").exists()}
+    return {name: entry for name, entry in COMMANDS.items() if (here / f'{entry[0]}.py').exists()}
 
 
 def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser for ``argv``; only its command's module is imported."""
     parser = _Parser(
-        prog="flexarm",
-        description="A two-link flexible robot arm as ROS 2 nodes: fly, record, replay, judge.",
-        epilog="flexarm COMMAND --help says more. FLEXARM_DEBUG=1 shows tracebacks.",
+        prog='flexarm',
+        description='A two-link flexible robot arm as ROS 2 nodes: fly, record, replay, judge.',
+        epilog='flexarm COMMAND --help says more. FLEXARM_DEBUG=1 shows tracebacks.',
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and leave")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    wanted = next((word for word in argv if not word.startswith("-")), None)
+    parser.add_argument('--version', action=_Version, nargs=0, help='show the version and leave')
+    subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', title='commands')
+    wanted = next((word for word in argv if not word.startswith('-')), None)
     for name, (module, summary) in _available().items():
         if name == wanted:
-            importlib.import_module(f"flexarm_ros.cli.{module}").add_parser(subparsers)
+            importlib.import_module(f'flexarm_ros.cli.{module}').add_parser(subparsers)
         else:
             subparsers.add_parser(name, help=summary, add_help=False)
     return parser
@@ -131,7 +145,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with signals.raising():
             return _guarded(words)
     except signals.Interrupted as stop:
-        print(f"flexarm: stopped by {stop}", file=sys.stderr)
+        print(f'flexarm: stopped by {stop}', file=sys.stderr)
         return stop.status
     finally:
         sys.stdout = stdout
@@ -148,7 +162,7 @@ def _guarded(words: list[str]) -> int:
     except KeyboardInterrupt:
         return 130
     except Exception as error:
-        if os.environ.get("FLEXARM_DEBUG", "0") not in ("", "0"):
+        if os.environ.get('FLEXARM_DEBUG', '0') not in ('', '0'):
             raise
         return _explain(words, error)
 
@@ -157,29 +171,29 @@ def _dispatch(words: list[str]) -> int:
     parser = build_parser(words)
     args = parser.parse_args(words)
     if args.command is None:
-        parser.error("give a command")
-    module = importlib.import_module(f"flexarm_ros.cli.{COMMANDS[args.command][0]}")
+        parser.error('give a command')
+    module = importlib.import_module(f'flexarm_ros.cli.{COMMANDS[args.command][0]}')
     return int(module.run(args))
 
 
 def _explain(words: list[str], error: Exception) -> int:
     """Print an error in one or two lines and return its exit status."""
-    from flexarm_ros.scenario.errors import ScenarioError, clip
+    from flexarm_ros.scenario.errors import clip, ScenarioError
 
-    command = next((word for word in words if word in COMMANDS), "")
-    prefix = f"flexarm {command}".rstrip()
+    command = next((word for word in words if word in COMMANDS), '')
+    prefix = f'flexarm {command}'.rstrip()
     if isinstance(error, (ScenarioError, UsageError)):
-        print(f"{prefix}: error: {error}", file=sys.stderr)
+        print(f'{prefix}: error: {error}', file=sys.stderr)
         return 2
-    bag_errors = sys.modules.get("flexarm_ros.bag.errors")
+    bag_errors = sys.modules.get('flexarm_ros.bag.errors')
     if bag_errors is not None and isinstance(error, bag_errors.BagError):
-        print(f"{prefix}: error: {error}", file=sys.stderr)
+        print(f'{prefix}: error: {error}', file=sys.stderr)
         usage = (bag_errors.BagExistsError, bag_errors.BagMissingError)
         return 2 if isinstance(error, usage) else 1
     if isinstance(error, OSError):
-        place = f"{clip(str(error.filename), 200)}: " if error.filename is not None else ""
-        print(f"{prefix}: error: {place}{error.strerror or error}", file=sys.stderr)
+        place = f'{clip(str(error.filename), 200)}: ' if error.filename is not None else ''
+        print(f'{prefix}: error: {place}{error.strerror or error}', file=sys.stderr)
         return 1
-    text = clip(f"{type(error).__name__}: {error}", 300)
-    print(f"{prefix}: internal error: {text}\n(FLEXARM_DEBUG=1 shows where)", file=sys.stderr)
+    text = clip(f'{type(error).__name__}: {error}', 300)
+    print(f'{prefix}: internal error: {text}\n(FLEXARM_DEBUG=1 shows where)', file=sys.stderr)
     return 1

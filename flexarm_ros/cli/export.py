@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm export``: a bag's messages as CSV or Parquet."""
 
 from __future__ import annotations
@@ -10,17 +24,17 @@ from typing import Any
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "export",
+        'export',
         help="a bag's messages as CSV or Parquet",
         description="Write one table for each topic of BAG (a run's directory, the bag in it or "
-        "the .mcap file), its trajectory, and scenario.yaml to fly it again, into the new "
-        "directory DIR. Parquet needs pyarrow.",
-        epilog="Exit status: 0 exported; 1 not possible, or the bag is damaged and was exported "
-        "as far as it goes; 2 bad usage.",
+        'the .mcap file), its trajectory, and scenario.yaml to fly it again, into the new '
+        'directory DIR. Parquet needs pyarrow.',
+        epilog='Exit status: 0 exported; 1 not possible, or the bag is damaged and was exported '
+        'as far as it goes; 2 bad usage.',
     )
-    parser.add_argument("bag", metavar="BAG")
-    parser.add_argument("--format", choices=("csv", "parquet"), default="csv")
-    parser.add_argument("--out", metavar="DIR", required=True, help="new directory of the files")
+    parser.add_argument('bag', metavar='BAG')
+    parser.add_argument('--format', choices=('csv', 'parquet'), default='csv')
+    parser.add_argument('--out', metavar='DIR', required=True, help='new directory of the files')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -29,9 +43,9 @@ def run(args: argparse.Namespace) -> int:
 
     exported = export(args.bag, args.out, args.format)
     for name, rows in exported.rows.items():
-        print(f"{rows:9} rows  {args.out}/{name}")
-    print(f"     scenario  {args.out}/scenario.yaml")
+        print(f'{rows:9} rows  {args.out}/{name}')
+    print(f'     scenario  {args.out}/scenario.yaml')
     if exported.damage:
-        print(f"flexarm export: only in part: {exported.damage}", file=sys.stderr)
+        print(f'flexarm export: only in part: {exported.damage}', file=sys.stderr)
         return 1
     return 0

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm modes``: natural frequencies of the arm at an elbow angle."""
 
 from __future__ import annotations
@@ -7,29 +21,29 @@ import json
 import math
 from typing import Any
 
-JOINTS = ("locked", "free", "shoulder-locked", "elbow-locked")
+JOINTS = ('locked', 'free', 'shoulder-locked', 'elbow-locked')
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "modes",
-        help="natural frequencies of the arm",
+        'modes',
+        help='natural frequencies of the arm',
         description="Natural frequencies (undamped, links straight, at rest) of a scenario's arm "
-        "at an elbow angle, in rad/s; rigid motions are left out. Hub inertias and end masses of "
-        "the scenario count; a scenario with plant.model eq14 gets the frequencies of (14).",
+        'at an elbow angle, in rad/s; rigid motions are left out. Hub inertias and end masses of '
+        'the scenario count; a scenario with plant.model eq14 gets the frequencies of (14).',
     )
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file or a shipped scenario's name")
+    parser.add_argument('scenario', metavar='SCENARIO', help="a file or a shipped scenario's name")
     parser.add_argument(
-        "--elbow", type=_angle, default=0.0, metavar="RAD", help="theta2 in rad (default 0)"
+        '--elbow', type=_angle, default=0.0, metavar='RAD', help='theta2 in rad (default 0)'
     )
     parser.add_argument(
-        "--joints", choices=JOINTS, default="locked", help="which joints hold (default locked)"
+        '--joints', choices=JOINTS, default='locked', help='which joints hold (default locked)'
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    parser.add_argument('--json', action='store_true', help='one JSON object instead of a table')
     parser.add_argument(
-        "--set", action="append", default=[], dest="overrides", metavar="NODE.KEY=VALUE",
-        help="another value for a parameter; may repeat",
+        '--set', action='append', default=[], dest='overrides', metavar='NODE.KEY=VALUE',
+        help='another value for a parameter; may repeat',
     )  # fmt: skip
 
 
@@ -39,7 +53,7 @@ def _angle(text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a finite angle in rad")
+        raise argparse.ArgumentTypeError(f'{text!r} is not a finite angle in rad')
     return value
 
 
@@ -53,14 +67,14 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(
             json.dumps(
-                {"frequencies_rad_s": frequencies, "joints": args.joints, "elbow": args.elbow}
+                {'frequencies_rad_s': frequencies, 'joints': args.joints, 'elbow': args.elbow}
             )
         )
         return 0
     plant = config.plant
-    basis = f", {plant.basis}" if plant.model == "full" else ""
-    print(f"model {plant.model}, {plant.modes} modes a link{basis}; ", end="")
-    print(f"joints {args.joints}, elbow {args.elbow:g} rad")
+    basis = f', {plant.basis}' if plant.model == 'full' else ''
+    print(f'model {plant.model}, {plant.modes} modes a link{basis}; ', end='')
+    print(f'joints {args.joints}, elbow {args.elbow:g} rad')
     for index, omega in enumerate(frequencies, start=1):
-        print(f"{index:3d}  {omega:14.6g} rad/s  {omega / (2.0 * math.pi):14.6g} Hz")
+        print(f'{index:3d}  {omega:14.6g} rad/s  {omega / (2.0 * math.pi):14.6g} Hz')
     return 0

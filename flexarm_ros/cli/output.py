@@ -1,28 +1,42 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the commands that fly a scenario share: the run's directory and the table at its end."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
+import sys
 from typing import Any
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.scenario.errors import clip
 
 _METRICS = (
-    ("rms_error", "rms error", "m"),
-    ("max_error", "max error", "m"),
-    ("tip_rms_error", "rms error, bent tip", "m"),
-    ("tip_max_error", "max error, bent tip", "m"),
-    ("overshoot", "overshoot", "m"),
-    ("max_overshoot", "max overshoot", "m"),
-    ("tip_overshoot", "overshoot, bent tip", "m"),
-    ("max_deflection", "max deflection", "m"),
-    ("max_torque", "max torque", "N m"),
+    ('rms_error', 'rms error', 'm'),
+    ('max_error', 'max error', 'm'),
+    ('tip_rms_error', 'rms error, bent tip', 'm'),
+    ('tip_max_error', 'max error, bent tip', 'm'),
+    ('overshoot', 'overshoot', 'm'),
+    ('max_overshoot', 'max overshoot', 'm'),
+    ('tip_overshoot', 'overshoot, bent tip', 'm'),
+    ('max_deflection', 'max deflection', 'm'),
+    ('max_torque', 'max torque', 'N m'),
 )
 
 
-def new_directory(out: Path | None, name: str, below: Path = Path("runs")) -> Path:
+def new_directory(out: Path | None, name: str, below: Path = Path('runs')) -> Path:
     """Return a directory for a new run: ``out``, or ``runs/NAME``, ``runs/NAME-2``, ...
 
     A default one is made at once, so that two runs started together do not take the same.
@@ -32,18 +46,18 @@ def new_directory(out: Path | None, name: str, below: Path = Path("runs")) -> Pa
         try:
             taken = out.exists() and (not out.is_dir() or any(out.iterdir()))
         except (OSError, ValueError) as error:
-            raise UsageError(f"--out {clip(str(out), 200)}: {error}") from None
+            raise UsageError(f'--out {clip(str(out), 200)}: {error}') from None
         if taken:
-            raise UsageError(f"--out {clip(str(out), 200)}: exists already, not overwritten")
+            raise UsageError(f'--out {clip(str(out), 200)}: exists already, not overwritten')
         return out
     number = 1
     while True:
-        path = below / (name if number == 1 else f"{name}-{number}")
+        path = below / (name if number == 1 else f'{name}-{number}')
         try:
             path.mkdir(parents=True)
         except FileExistsError:
             if below.exists() and not below.is_dir():
-                raise UsageError(f"{below}: not a directory; give --out DIR") from None
+                raise UsageError(f'{below}: not a directory; give --out DIR') from None
             number += 1
         else:
             return path
@@ -52,57 +66,57 @@ def new_directory(out: Path | None, name: str, below: Path = Path("runs")) -> Pa
 def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = False) -> None:
     """Print a run's metrics and where its files are; draw the pictures first if asked to."""
     drawn = _draw(directory) if pictures else []
-    rows = [("result", headline(summary))]
+    rows = [('result', headline(summary))]
     rows += [
-        (label, f"{shown} {unit}")
+        (label, f'{shown} {unit}')
         for key, label, unit in _METRICS
-        if (shown := format_metric(summary.get(key))) not in ("", "-")
+        if (shown := format_metric(summary.get(key))) not in ('', '-')
     ]
     for label, path in (
-        ("bag", directory / "bag"),
-        ("rows", directory / "trajectory.csv"),
-        ("summary", directory / "summary.json"),
+        ('bag', directory / 'bag'),
+        ('rows', directory / 'trajectory.csv'),
+        ('summary', directory / 'summary.json'),
     ):
         if path.exists():
             rows.append((label, str(path)))
-    rows += [("picture", str(path)) for path in drawn]
+    rows += [('picture', str(path)) for path in drawn]
     width = max(len(label) for label, _ in rows)
     for label, text in rows:
-        print(f"{label:<{width}}  {text}")
+        print(f'{label:<{width}}  {text}')
 
 
 def headline(summary: dict[str, Any]) -> str:
     """Return how a run ended, in one line."""
-    ticks, problem = summary.get("ticks"), str(summary.get("problem") or "no reason known")
-    if summary.get("stable"):
-        state = "stable"
-    elif summary.get("stable") is False:
-        state = problem.replace("unstable", "UNSTABLE", 1)
+    ticks, problem = summary.get('ticks'), str(summary.get('problem') or 'no reason known')
+    if summary.get('stable'):
+        state = 'stable'
+    elif summary.get('stable') is False:
+        state = problem.replace('unstable', 'UNSTABLE', 1)
     else:
-        state = f"not finished: {problem}"
-    speed = ""
-    if summary.get("wall_s") is not None and summary.get("rtf") is not None:
-        speed = f" in {summary['wall_s']:.3g} s, {summary['rtf']:.3g} times real time"
-    return f"{state}; {ticks if ticks is not None else 'no'} ticks{speed}"
+        state = f'not finished: {problem}'
+    speed = ''
+    if summary.get('wall_s') is not None and summary.get('rtf') is not None:
+        speed = f' in {summary["wall_s"]:.3g} s, {summary["rtf"]:.3g} times real time'
+    return f'{state}; {ticks if ticks is not None else "no"} ticks{speed}'
 
 
 def format_metric(value: Any) -> str:
     """Return a metric in five digits, ``-`` for what is not known, empty for no values."""
     if isinstance(value, list):
-        return " ".join(format_metric(item) for item in value)
+        return ' '.join(format_metric(item) for item in value)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return f"{value:.5g}"
-    return "-"
+        return f'{value:.5g}'
+    return '-'
 
 
 def _draw(directory: Path) -> list[Path]:
     try:
         from flexarm_ros.analysis.figures import write_figures
     except ImportError as error:
-        print(f"no pictures: {error}", file=sys.stderr)
+        print(f'no pictures: {error}', file=sys.stderr)
         return []
     try:
-        return list(write_figures([directory], directory / "pictures"))
+        return list(write_figures([directory], directory / 'pictures'))
     except Exception as error:  # a picture that fails must not fail the run
-        print(f"no pictures: {type(error).__name__}: {clip(str(error), 200)}", file=sys.stderr)
+        print(f'no pictures: {type(error).__name__}: {clip(str(error), 200)}', file=sys.stderr)
         return []

@@ -1,22 +1,36 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The option ``--node``: a node of the user's in the place of one of ours."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 import shlex
 import shutil
-from collections.abc import Sequence
 
 from flexarm_ros.cli import UsageError
 
-REPLACEABLE = ("encoder", "tip_sensor", "trajectory", "controller")
+REPLACEABLE = ('encoder', 'tip_sensor', 'trajectory', 'controller')
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:
     """Add ``--node`` to a command's parser."""
     parser.add_argument(
-        "--node", dest="nodes", action="append", default=[], type=_assignment,
-        metavar="NODE=COMMAND",
+        '--node', dest='nodes', action='append', default=[], type=_assignment,
+        metavar='NODE=COMMAND',
         help="start COMMAND in the place of NODE, and end it with the run; repeats, as in "
         "--node controller='python3 my_controller.py'",
     )  # fmt: skip
@@ -26,18 +40,18 @@ def own_nodes(given: Sequence[tuple[str, list[str]]]) -> dict[str, list[str]]:
     """Return ``{node: words}``; UsageError where one is named twice."""
     found = dict(given)
     if len(found) < len(given):
-        raise UsageError("--node: a node is given twice")
+        raise UsageError('--node: a node is given twice')
     return found
 
 
 def _assignment(text: str) -> tuple[str, list[str]]:
-    node, _, command = text.partition("=")
+    node, _, command = text.partition('=')
     if node not in REPLACEABLE:
         raise argparse.ArgumentTypeError(f"'{node}' is none of {', '.join(REPLACEABLE)}")
     try:
         words = shlex.split(command)
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{command}: {str(error).lower()}") from None
+        raise argparse.ArgumentTypeError(f'{command}: {str(error).lower()}') from None
     if not words or shutil.which(words[0]) is None:
         raise argparse.ArgumentTypeError(f"{node}: no such command: '{words[0] if words else ''}'")
     return node, words

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Progress of runs: a bar on a terminal, plain lines elsewhere, both on standard error."""
 
 from __future__ import annotations
@@ -11,7 +25,7 @@ from flexarm_ros.core.parameters import RunConfig
 
 _LINE_EVERY_S = 5.0
 
-_Self = TypeVar("_Self", bound="_Shown")
+_Self = TypeVar('_Self', bound='_Shown')
 
 
 class _Shown:
@@ -52,14 +66,14 @@ class _Shown:
         from rich.progress import Progress as Bar
 
         self._bar = Bar(
-            TextColumn("{task.description}"),
+            TextColumn('{task.description}'),
             BarColumn(),
-            TextColumn("{task.fields[note]}"),
+            TextColumn('{task.fields[note]}'),
             TimeRemainingColumn(),
             console=Console(stderr=True),
             transient=True,
         )
-        self._task = self._bar.add_task(self._name, total=None, note="")
+        self._task = self._bar.add_task(self._name, total=None, note='')
         self._bar.start()
 
     def __exit__(
@@ -91,12 +105,12 @@ class Progress(_Shown):
             return
         wall = now - self._start
         factor = (ticks - self._first) * self._period / wall if wall > 0.0 else 0.0
-        simulated = f"{ticks * self._period:.2f} of {self._duration:g} s simulated"
+        simulated = f'{ticks * self._period:.2f} of {self._duration:g} s simulated'
         if self._bar is not None:
-            self._show(ticks, total, f"{simulated}, {factor:.1f} times real time")
+            self._show(ticks, total, f'{simulated}, {factor:.1f} times real time')
         elif self._line_is_due():
             left = (total - ticks) * self._period / factor if factor > 0.0 else 0.0
-            self.say(f"{self._name}: {simulated}, {factor:.1f} times real time, {left:.0f} s left")
+            self.say(f'{self._name}: {simulated}, {factor:.1f} times real time, {left:.0f} s left')
 
 
 class CountProgress(_Shown):
@@ -110,8 +124,8 @@ class CountProgress(_Shown):
     def update(self, done: int) -> None:
         """Take the number of runs that are done."""
         if self._bar is not None:
-            self._show(done, self._total, f"{done} of {self._total} runs")
+            self._show(done, self._total, f'{done} of {self._total} runs')
         elif self._line_is_due():
             wall = time.monotonic() - self._start
             left = wall / max(1, done - self._first) * (self._total - done)
-            self.say(f"{self._name}: {done} of {self._total} runs, {left:.0f} s left")
+            self.say(f'{self._name}: {done} of {self._total} runs, {left:.0f} s left')

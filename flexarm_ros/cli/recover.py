@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm recover``: rescue a damaged bag into a new one."""
 
 from __future__ import annotations
@@ -10,13 +24,13 @@ from typing import Any
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "recover",
-        help="rescue a damaged bag into a new one",
+        'recover',
+        help='rescue a damaged bag into a new one',
         description="Copy every sound chunk of RUN's bag (a run's directory, the bag in it or the "
-        ".mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.",
+        '.mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.',
     )
-    parser.add_argument("run", metavar="RUN")
-    parser.add_argument("--out", metavar="NEWBAG", required=True, help="new directory of the bag")
+    parser.add_argument('run', metavar='RUN')
+    parser.add_argument('--out', metavar='NEWBAG', required=True, help='new directory of the bag')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -24,15 +38,15 @@ def run(args: argparse.Namespace) -> int:
     from flexarm_ros.bag.recover import recover
 
     rescue = recover(args.run, args.out)
-    verdict = {0: "whole", 3: "in part", 1: "nothing"}[rescue.status]
+    verdict = {0: 'whole', 3: 'in part', 1: 'nothing'}[rescue.status]
     if rescue.kept:
-        ticks = f"{rescue.complete} of {rescue.planned} ticks" if rescue.planned else "no scenario"
-        print(f"{verdict}: {rescue.kept} messages, {ticks}, in {args.out}")
+        ticks = f'{rescue.complete} of {rescue.planned} ticks' if rescue.planned else 'no scenario'
+        print(f'{verdict}: {rescue.kept} messages, {ticks}, in {args.out}')
     else:
-        print(f"{verdict}: {'; '.join(rescue.damages)}", file=sys.stderr)
+        print(f'{verdict}: {"; ".join(rescue.damages)}', file=sys.stderr)
         return rescue.status
     if rescue.dropped:
-        print(f"  {rescue.dropped} messages fit nowhere and were left out")
+        print(f'  {rescue.dropped} messages fit nowhere and were left out')
     for damage in rescue.damages:
-        print(f"  {damage}")
+        print(f'  {damage}')
     return rescue.status

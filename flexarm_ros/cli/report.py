@@ -1,11 +1,25 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm report``: pictures and one HTML page of runs."""
 
 from __future__ import annotations
 
 import argparse
-import webbrowser
 from pathlib import Path
 from typing import Any
+import webbrowser
 
 from flexarm_ros.cli import UsageError
 
@@ -13,33 +27,33 @@ from flexarm_ros.cli import UsageError
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "report",
-        help="pictures and one HTML page of runs",
-        description="Write one self-contained HTML page (it works offline) and pictures, PNG and "
+        'report',
+        help='pictures and one HTML page of runs',
+        description='Write one self-contained HTML page (it works offline) and pictures, PNG and '
         "SVG, of one run or of several over one another: metrics, the paper's claims, paths, time "
-        "series, the bending arm in motion, the fuzzy logic system, the scenario.",
+        'series, the bending arm in motion, the fuzzy logic system, the scenario.',
     )
     parser.add_argument(
-        "runs", metavar="RUN", nargs="+", type=Path, help="output directory of a run, or its bag"
+        'runs', metavar='RUN', nargs='+', type=Path, help='output directory of a run, or its bag'
     )
     parser.add_argument(
-        "--out", type=Path, metavar="DIR",
+        '--out', type=Path, metavar='DIR',
         help="where to write (default: report/ in the run's directory; "
         "of several runs: report/ here)",
     )  # fmt: skip
-    parser.add_argument("--no-pictures", action="store_true", help="write the page only")
-    parser.add_argument("--open", action="store_true", help="open the page in a browser")
+    parser.add_argument('--no-pictures', action='store_true', help='write the page only')
+    parser.add_argument('--open', action='store_true', help='open the page in a browser')
 
 
 def run(args: argparse.Namespace) -> int:
     """Write page and pictures; 0, or 2 where a RUN is not one."""
     from flexarm_ros.analysis.figures import write_figures
     from flexarm_ros.analysis.report import write_report
-    from flexarm_ros.analysis.report_runs import RunError, load_run
+    from flexarm_ros.analysis.report_runs import load_run, RunError
 
     try:
         first = load_run(args.runs[0])
-        out = args.out or (first.directory if len(args.runs) == 1 else Path()) / "report"
+        out = args.out or (first.directory if len(args.runs) == 1 else Path()) / 'report'
         page = write_report(args.runs, out)
         pictures = [] if args.no_pictures else write_figures(args.runs, out)
     except RunError as error:

@@ -1,60 +1,74 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm run``: fly a scenario as ROS 2 nodes in lock-step, recorded."""
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
-import sys
 from pathlib import Path
+import sys
 from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.cli import UsageError
-from flexarm_ros.cli.own_nodes import REPLACEABLE, add_option, own_nodes
+from flexarm_ros.cli.own_nodes import add_option, own_nodes, REPLACEABLE
 from flexarm_ros.cli.signals import Deferred
 
 _NO_ROS = (
-    "rclpy is not installed: run `make env` (x86_64 Linux), or source a ROS 2 installation; "
-    "`flexarm simulate` needs no ROS"
+    'rclpy is not installed: run `make env` (x86_64 Linux), or source a ROS 2 installation; '
+    '`flexarm simulate` needs no ROS'
 )
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "run",
-        help="fly a scenario as ROS 2 nodes in lock-step, recorded",
-        description="Fly SCENARIO (a file or the name of a shipped one) with one process for each "
-        "node, in lock-step on one simulated clock, and record every message to a bag.",
+        'run',
+        help='fly a scenario as ROS 2 nodes in lock-step, recorded',
+        description='Fly SCENARIO (a file or the name of a shipped one) with one process for each '
+        'node, in lock-step on one simulated clock, and record every message to a bag.',
     )
-    parser.add_argument("scenario", metavar="SCENARIO")
+    parser.add_argument('scenario', metavar='SCENARIO')
     parser.add_argument(
-        "--set", dest="overrides", action="append", default=[], metavar="NODE.KEY=VALUE",
-        help="override a parameter; repeats; the value is YAML; without a node: the whole run",
+        '--set', dest='overrides', action='append', default=[], metavar='NODE.KEY=VALUE',
+        help='override a parameter; repeats; the value is YAML; without a node: the whole run',
     )  # fmt: skip
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="directory of the run (default: runs/NAME)"
+        '--out', type=Path, metavar='DIR', help='directory of the run (default: runs/NAME)'
     )
     parser.add_argument(
-        "--rtf", type=_positive, default=0.0, metavar="X",
-        help="hold the run to X times real time (default: as fast as it goes)",
+        '--rtf', type=_positive, default=0.0, metavar='X',
+        help='hold the run to X times real time (default: as fast as it goes)',
     )  # fmt: skip
-    parser.add_argument("--compose", action="store_true", help="all nodes in one process")
+    parser.add_argument('--compose', action='store_true', help='all nodes in one process')
     parser.add_argument(
-        "--domain", type=_domain, metavar="N",
-        help="ROS_DOMAIN_ID (default: that of the environment, else a free one)",
+        '--domain', type=_domain, metavar='N',
+        help='ROS_DOMAIN_ID (default: that of the environment, else a free one)',
     )  # fmt: skip
     parser.add_argument(
-        "--without", action="append", default=[], choices=REPLACEABLE, metavar="NODE",
+        '--without', action='append', default=[], choices=REPLACEABLE, metavar='NODE',
         help="do not start NODE: one of yours takes its place; repeats "
         f"({', '.join(REPLACEABLE)})",
     )  # fmt: skip
     add_option(parser)
     parser.add_argument(
-        "--network", action="store_true",
-        help="let nodes on other machines take part (default: this machine only)",
+        '--network', action='store_true',
+        help='let nodes on other machines take part (default: this machine only)',
     )  # fmt: skip
-    parser.add_argument("--no-pictures", action="store_true", help="write no pictures")
+    parser.add_argument('--no-pictures', action='store_true', help='write no pictures')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -63,10 +77,10 @@ def run(args: argparse.Namespace) -> int:
     from flexarm_ros.cli.progress import Progress
 
     config = scenario.load(args.scenario, args.overrides)
-    if importlib.util.find_spec("rclpy") is None:
+    if importlib.util.find_spec('rclpy') is None:
         raise UsageError(_NO_ROS)
     from flexarm_ros.launcher.domains import environment_domain
-    from flexarm_ros.launcher.run import RunOptions, run_scenario
+    from flexarm_ros.launcher.run import run_scenario, RunOptions
 
     name = Path(args.scenario).stem
     directory = new_directory(args.out, name)
@@ -76,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
         domain=args.domain if args.domain is not None else environment_domain(),
         without=tuple(args.without),
         nodes=own_nodes(args.nodes),
-        discovery="SUBNET" if args.network else "LOCALHOST",
+        discovery='SUBNET' if args.network else 'LOCALHOST',
     )
     with Deferred() as signals, Progress(config, name) as progress:
         outcome = run_scenario(
@@ -84,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
             announce=progress.say, watch=progress.update, stop=lambda: bool(signals.signum),
         )  # fmt: skip
     if outcome.problem:
-        print(f"flexarm run: {outcome.problem}", file=sys.stderr)
+        print(f'flexarm run: {outcome.problem}', file=sys.stderr)
     show_outcome(directory, outcome.summary, pictures=not args.no_pictures)
     if outcome.interrupted:
         return signals.status
@@ -94,12 +108,12 @@ def run(args: argparse.Namespace) -> int:
 def _positive(text: str) -> float:
     value = float(text)
     if not 0.0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text}: a number above 0")
+        raise argparse.ArgumentTypeError(f'{text}: a number above 0')
     return value
 
 
 def _domain(text: str) -> int:
     value = int(text) if text.isdigit() else -1
     if not 0 <= value <= 232:
-        raise argparse.ArgumentTypeError(f"{text}: a whole number from 0 to 232")
+        raise argparse.ArgumentTypeError(f'{text}: a whole number from 0 to 232')
     return value

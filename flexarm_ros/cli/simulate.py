@@ -1,12 +1,26 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm simulate``: fly a scenario in one process, without ROS."""
 
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import time
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros import scenario
 from flexarm_ros.cli import UsageError
@@ -22,24 +36,24 @@ Watch = Callable[[int, int], None]
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "simulate",
-        help="fly a scenario in one process, without ROS",
-        description="Fly SCENARIO (a file or the name of a shipped one) in this process: the same "
-        "numbers, the same files as `flexarm run`, no ROS needed.",
-        epilog="Exit status: 0; 1 if the arm becomes unstable; 2 for a bad scenario.",
+        'simulate',
+        help='fly a scenario in one process, without ROS',
+        description='Fly SCENARIO (a file or the name of a shipped one) in this process: the same '
+        'numbers, the same files as `flexarm run`, no ROS needed.',
+        epilog='Exit status: 0; 1 if the arm becomes unstable; 2 for a bad scenario.',
     )
-    parser.add_argument("scenario", metavar="SCENARIO", nargs="?")
+    parser.add_argument('scenario', metavar='SCENARIO', nargs='?')
     parser.add_argument(
-        "--set", dest="overrides", action="append", default=[], metavar="NODE.KEY=VALUE",
-        help="override a parameter; repeats; the value is YAML; without a node: the whole run",
+        '--set', dest='overrides', action='append', default=[], metavar='NODE.KEY=VALUE',
+        help='override a parameter; repeats; the value is YAML; without a node: the whole run',
     )  # fmt: skip
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="directory of the run (default: runs/NAME)"
+        '--out', type=Path, metavar='DIR', help='directory of the run (default: runs/NAME)'
     )
-    parser.add_argument("--no-bag", action="store_true", help="write no bag, only the other files")
-    parser.add_argument("--no-pictures", action="store_true", help="write no pictures")
+    parser.add_argument('--no-bag', action='store_true', help='write no bag, only the other files')
+    parser.add_argument('--no-pictures', action='store_true', help='write no pictures')
     parser.add_argument(
-        "--list-laws", action="store_true", help="print the names of the control laws and leave"
+        '--list-laws', action='store_true', help='print the names of the control laws and leave'
     )
 
 
@@ -48,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list_laws:
         return _list_laws()
     if args.scenario is None:
-        raise UsageError("give a SCENARIO; `flexarm list` shows those that are shipped")
+        raise UsageError('give a SCENARIO; `flexarm list` shows those that are shipped')
     from flexarm_ros.bag.simulation import simulate
     from flexarm_ros.cli.output import new_directory, show_outcome
     from flexarm_ros.cli.progress import Progress
@@ -64,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     show_outcome(directory, summary, pictures=not args.no_pictures and not signals.signum)
     if signals.signum:
         return signals.status
-    return 0 if summary["stable"] else 1
+    return 0 if summary['stable'] else 1
 
 
 def _without_bag(
@@ -98,7 +112,7 @@ def _without_bag(
     if loop.unstable is not None and loop.unstable_tick is not None:
         unstable = (loop.unstable_tick, loop.unstable)
     cut = unstable is None and loop.k < loop.timeline.ticks
-    problem = f"interrupted at tick {loop.k}" if cut else ""
+    problem = f'interrupted at tick {loop.k}' if cut else ''
     provenance = Provenance.here(name)
     summary = outputs.summary_of(config, metrics, provenance, wall_s, unstable, problem)
     outputs.write_summary(directory, summary)

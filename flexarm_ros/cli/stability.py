@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm stability``: eigenvalues and margins of the sampled loop, linearised about rest."""
 
 from __future__ import annotations
@@ -5,7 +19,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
 
@@ -21,39 +35,39 @@ MOST_EIGENVALUES = 6
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "stability",
-        help="eigenvalues and margins of the sampled loop",
-        description="Linearise the closed loop of SCENARIO (a file or the name of a shipped one) "
-        "about rest at poses along its trajectory - held torques, exact delay - and give, for "
-        "each, the largest eigenvalue a tick, the range of gains and the latency at which the "
-        "loop stops being stable. For fls the gain is K_s lambda: at rest, halfway and at its "
-        "largest.",
-        epilog="Exit status: 0 (stable or not); 2 for a bad scenario, or a law without a linear "
-        "form.",
+        'stability',
+        help='eigenvalues and margins of the sampled loop',
+        description='Linearise the closed loop of SCENARIO (a file or the name of a shipped one) '
+        'about rest at poses along its trajectory - held torques, exact delay - and give, for '
+        'each, the largest eigenvalue a tick, the range of gains and the latency at which the '
+        'loop stops being stable. For fls the gain is K_s lambda: at rest, halfway and at its '
+        'largest.',
+        epilog='Exit status: 0 (stable or not); 2 for a bad scenario, or a law without a linear '
+        'form.',
     )
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file or a shipped scenario's name")
+    parser.add_argument('scenario', metavar='SCENARIO', help="a file or a shipped scenario's name")
     parser.add_argument(
-        "--set", action="append", default=[], dest="overrides", metavar="NODE.KEY=VALUE",
-        help="another value for a parameter; may repeat",
+        '--set', action='append', default=[], dest='overrides', metavar='NODE.KEY=VALUE',
+        help='another value for a parameter; may repeat',
     )  # fmt: skip
     parser.add_argument(
-        "--elbow", type=_finite, nargs="+", metavar="RAD",
-        help="theta2 of the poses, rad (default: seven along the trajectory)",
+        '--elbow', type=_finite, nargs='+', metavar='RAD',
+        help='theta2 of the poses, rad (default: seven along the trajectory)',
     )  # fmt: skip
     parser.add_argument(
-        "--gain", type=_positive, nargs="+", metavar="G",
+        '--gain', type=_positive, nargs='+', metavar='G',
         help="factors of J^T (Kp e + Kd e'), K_s lambda of fls (default: fls 1/6, 1/2 and 5/6 of "
         "K_s; otherwise the law as it is)",
     )  # fmt: skip
     parser.add_argument(
-        "--max-latency", type=_latency, default=0.06, metavar="S",
-        help="how far to search for the crossing delay, s (default 0.06)",
+        '--max-latency', type=_latency, default=0.06, metavar='S',
+        help='how far to search for the crossing delay, s (default 0.06)',
     )  # fmt: skip
     parser.add_argument(
-        "--integrator", choices=("exact", "rk4"), default="exact",
+        '--integrator', choices=('exact', 'rk4'), default='exact',
         help="the arm between ticks: exactly, or by the plant's own integrator steps",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    parser.add_argument('--json', action='store_true', help='one JSON object instead of a table')
 
 
 def _finite(text: str) -> float:
@@ -62,27 +76,27 @@ def _finite(text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+        raise argparse.ArgumentTypeError(f'{text!r} is not a finite number')
     return value
 
 
 def _positive(text: str) -> float:
     value = _finite(text)
     if not 1e-9 <= value <= 1e9:
-        raise argparse.ArgumentTypeError(f"{text}: allowed are 1e-9 to 1e9")
+        raise argparse.ArgumentTypeError(f'{text}: allowed are 1e-9 to 1e9')
     return value
 
 
 def _latency(text: str) -> float:
     value = _finite(text)
     if not 0.0 < value <= MOST_SEARCHED_S:
-        raise argparse.ArgumentTypeError(f"{text}: allowed are over 0 to {MOST_SEARCHED_S:g} s")
+        raise argparse.ArgumentTypeError(f'{text}: allowed are over 0 to {MOST_SEARCHED_S:g} s')
     return value
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the analysis; returns 0."""
-    from flexarm_ros.core.stability_margins import Pose, analyse, poses_along
+    from flexarm_ros.core.stability_margins import analyse, Pose, poses_along
     from flexarm_ros.scenario import load
 
     config = load(args.scenario, args.overrides)
@@ -104,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _default_gains(config: RunConfig) -> list[float | None]:
-    if config.controller.law != "fls":
+    if config.controller.law != 'fls':
         return [None]
     return [None, config.controller.ks / 2.0, config.controller.ks * 5.0 / 6.0]
 
@@ -112,11 +126,11 @@ def _default_gains(config: RunConfig) -> list[float | None]:
 def ignored(config: RunConfig) -> list[str]:
     """Return the keys of a scenario that act on the flown loop but not on its linear analysis."""
     keys = {
-        "controller.torque_limit": config.controller.torque_limit,
-        "encoder.noise_std": config.encoder.noise_std,
-        "encoder.resolution": config.encoder.resolution,
-        "tip_sensor.noise_std": config.tip_sensor.noise_std,
-        "trajectory.delay": config.trajectory.delay,
+        'controller.torque_limit': config.controller.torque_limit,
+        'encoder.noise_std': config.encoder.noise_std,
+        'encoder.resolution': config.encoder.resolution,
+        'tip_sensor.noise_std': config.tip_sensor.noise_std,
+        'trajectory.delay': config.trajectory.delay,
     }
     return [key for key, value in keys.items() if value]
 
@@ -124,18 +138,18 @@ def ignored(config: RunConfig) -> list[str]:
 def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
     by_gain = _by_gain(found)
     return {
-        "law": config.controller.law,
-        "feedback": config.controller.feedback,
-        "velocity_source": config.controller.velocity_source,
-        "location_m": config.tip_sensor.location,
-        "measurand": config.tip_sensor.measurand,
-        "control_period_s": config.run.control_period,
-        "latency_s": found[0].latency_s,
-        "states": found[0].states,
-        **{key: value for key, value in by_gain[0].items() if key != "gain"},
-        "gains": by_gain,
-        "not_in_the_analysis": ignored(config),
-        "poses": [_pose_json(one) for one in found],
+        'law': config.controller.law,
+        'feedback': config.controller.feedback,
+        'velocity_source': config.controller.velocity_source,
+        'location_m': config.tip_sensor.location,
+        'measurand': config.tip_sensor.measurand,
+        'control_period_s': config.run.control_period,
+        'latency_s': found[0].latency_s,
+        'states': found[0].states,
+        **{key: value for key, value in by_gain[0].items() if key != 'gain'},
+        'gains': by_gain,
+        'not_in_the_analysis': ignored(config),
+        'poses': [_pose_json(one) for one in found],
     }
 
 
@@ -147,10 +161,10 @@ def _by_gain(found: list[PoseStability]) -> list[dict[str, Any]]:
         crossings = [one.crossing_s for one in poses if one.crossing_s is not None]
         result.append(
             {
-                "gain": gain,
-                "stable": all(one.stable for one in poses),
-                "modulus": max(one.modulus for one in poses),
-                "crossing_delay_s": min(crossings, default=None),
+                'gain': gain,
+                'stable': all(one.stable for one in poses),
+                'modulus': max(one.modulus for one in poses),
+                'crossing_delay_s': min(crossings, default=None),
             }
         )
     return result
@@ -158,70 +172,70 @@ def _by_gain(found: list[PoseStability]) -> list[dict[str, Any]]:
 
 def _pose_json(one: PoseStability) -> dict[str, Any]:
     return {
-        "time_s": one.pose.time,
-        "theta1": one.pose.theta1,
-        "theta2": one.pose.theta2,
-        "gain": one.gain,
-        "stable": one.stable,
-        "modulus": one.modulus,
-        "growth_rate_per_s": one.rate if math.isfinite(one.rate) else None,
-        "frequency_rad_s": one.frequency,
-        "gain_range": [one.gain_low, one.gain_high],
-        "gain_margin": one.gain_margin,
-        "crossing_delay_s": one.crossing_s,
-        "delay_margin_s": one.delay_margin_s,
-        "searched_s": one.searched_s,
-        "eigenvalues": [[value.real, value.imag] for value in one.eigenvalues],
+        'time_s': one.pose.time,
+        'theta1': one.pose.theta1,
+        'theta2': one.pose.theta2,
+        'gain': one.gain,
+        'stable': one.stable,
+        'modulus': one.modulus,
+        'growth_rate_per_s': one.rate if math.isfinite(one.rate) else None,
+        'frequency_rad_s': one.frequency,
+        'gain_range': [one.gain_low, one.gain_high],
+        'gain_margin': one.gain_margin,
+        'crossing_delay_s': one.crossing_s,
+        'delay_margin_s': one.delay_margin_s,
+        'searched_s': one.searched_s,
+        'eigenvalues': [[value.real, value.imag] for value in one.eigenvalues],
     }
 
 
 _HEADER = (
-    "theta2", "gain", "stable", "modulus", "rate", "at", "stable gains", "crossing", "margin",
+    'theta2', 'gain', 'stable', 'modulus', 'rate', 'at', 'stable gains', 'crossing', 'margin',
 )  # fmt: skip
-_UNITS = ("rad", "", "", "of a tick", "1/s", "rad/s", "", "ms", "ms")
+_UNITS = ('rad', '', '', 'of a tick', '1/s', 'rad/s', '', 'ms', 'ms')
 
 
 def _print_table(config: RunConfig, found: list[PoseStability]) -> None:
     control = config.controller
     place = (
-        f"{config.tip_sensor.measurand} at {config.tip_sensor.location:g} m"
-        if control.feedback == "tip_sensor"
-        else "joint angles"
+        f'{config.tip_sensor.measurand} at {config.tip_sensor.location:g} m'
+        if control.feedback == 'tip_sensor'
+        else 'joint angles'
     )
     print(
-        f"{control.law}, {control.feedback} ({place}), rates from {control.velocity_source}, "
-        f"latency {1e3 * found[0].latency_s:g} ms,\n"
-        f"plant {config.plant.model} with {config.plant.modes} modes a link, "
-        f"tick {1e3 * config.run.control_period:g} ms, {found[0].states} states"
+        f'{control.law}, {control.feedback} ({place}), rates from {control.velocity_source}, '
+        f'latency {1e3 * found[0].latency_s:g} ms,\n'
+        f'plant {config.plant.model} with {config.plant.modes} modes a link, '
+        f'tick {1e3 * config.run.control_period:g} ms, {found[0].states} states'
     )
     rows = [_HEADER, _UNITS, *(_cells(one) for one in found)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEADER))]
     for row in rows:
-        print("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
+        print('  '.join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
     for worst in _by_gain(found):
-        crossing = worst["crossing_delay_s"]
-        least = _beyond(found[0]) if crossing is None else f"{1e3 * crossing:.4g}"
+        crossing = worst['crossing_delay_s']
+        least = _beyond(found[0]) if crossing is None else f'{1e3 * crossing:.4g}'
         print(
-            f"gain {worst['gain']:.4g}: {'stable' if worst['stable'] else 'UNSTABLE'}, largest "
-            f"modulus {worst['modulus']:.8f}, smallest crossing delay {least} ms"
+            f'gain {worst["gain"]:.4g}: {"stable" if worst["stable"] else "UNSTABLE"}, largest '
+            f'modulus {worst["modulus"]:.8f}, smallest crossing delay {least} ms'
         )
-        print(_eigenvalues(max((x for x in found if x.gain == worst["gain"]), key=_modulus)))
+        print(_eigenvalues(max((x for x in found if x.gain == worst['gain']), key=_modulus)))
     if left_out := ignored(config):
-        print(f"not in the analysis: {', '.join(left_out)}")
+        print(f'not in the analysis: {", ".join(left_out)}')
 
 
 def _cells(one: PoseStability) -> tuple[str, ...]:
     margin = one.delay_margin_s
     return (
-        f"{one.pose.theta2:.3f}",
-        f"{one.gain:.4g}",
-        "yes" if one.stable else "NO",
-        f"{one.modulus:.8f}",
-        f"{one.rate:.4g}",
-        f"{one.frequency:.4g}",
+        f'{one.pose.theta2:.3f}',
+        f'{one.gain:.4g}',
+        'yes' if one.stable else 'NO',
+        f'{one.modulus:.8f}',
+        f'{one.rate:.4g}',
+        f'{one.frequency:.4g}',
         _range(one),
-        _beyond(one) if one.crossing_s is None else f"{1e3 * one.crossing_s:.4g}",
-        "-" if margin is None else f"{1e3 * margin:.4g}",
+        _beyond(one) if one.crossing_s is None else f'{1e3 * one.crossing_s:.4g}',
+        '-' if margin is None else f'{1e3 * margin:.4g}',
     )
 
 
@@ -233,20 +247,20 @@ def _eigenvalues(one: PoseStability) -> str:
     """Return the largest eigenvalues a tick at a pose; a pair counts once."""
     upper = [value for value in one.eigenvalues if value.imag >= 0.0]
     shown = [
-        f"{value.real:.6f}" + (f"+-{value.imag:.6f}j" if value.imag else "")
+        f'{value.real:.6f}' + (f'+-{value.imag:.6f}j' if value.imag else '')
         for value in upper[:MOST_EIGENVALUES]
     ]
-    more = "" if len(upper) <= MOST_EIGENVALUES else ", ... (--json: all over 0.5)"
-    return f"  eigenvalues at theta2 {one.pose.theta2:.3f}: {', '.join(shown)}{more}"
+    more = '' if len(upper) <= MOST_EIGENVALUES else ', ... (--json: all over 0.5)'
+    return f'  eigenvalues at theta2 {one.pose.theta2:.3f}: {", ".join(shown)}{more}'
 
 
 def _range(one: PoseStability) -> str:
     if not one.stable and one.gain_high is None:
-        return "none"
-    low = "0" if one.gain_low is None else f"{one.gain_low:.4g}"
-    high = "any" if one.gain_high is None else f"{one.gain_high:.4g}"
-    return f"{low} to {high}"
+        return 'none'
+    low = '0' if one.gain_low is None else f'{one.gain_low:.4g}'
+    high = 'any' if one.gain_high is None else f'{one.gain_high:.4g}'
+    return f'{low} to {high}'
 
 
 def _beyond(one: PoseStability) -> str:
-    return f"over {1e3 * one.searched_s:.4g}"
+    return f'over {1e3 * one.searched_s:.4g}'

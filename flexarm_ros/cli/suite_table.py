@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A suite on the terminal: a live table while it runs, the verdicts at its end."""
 
 from __future__ import annotations
@@ -5,7 +19,7 @@ from __future__ import annotations
 import sys
 import threading
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli.output import format_metric
 
@@ -13,7 +27,7 @@ if TYPE_CHECKING:
     from flexarm_ros.launcher.suite import CaseResult, SuiteResult
     from flexarm_ros.scenario.suite import Case, Suite
 
-_COLUMNS = ("rms_error", "max_error", "overshoot", "tip_max_error", "rtf")
+_COLUMNS = ('rms_error', 'max_error', 'overshoot', 'tip_max_error', 'rtf')
 
 _MOST_VALUES = 4
 
@@ -22,7 +36,7 @@ class SuiteTable:
     """Shows each case's state: a table on a terminal, a line a change of state elsewhere."""
 
     def __init__(self, suite: Suite) -> None:
-        self._states = {case.name: "waiting" for case in suite.cases}
+        self._states = {case.name: 'waiting' for case in suite.cases}
         self._lock = threading.Lock()
         self._live: Any = None
 
@@ -34,14 +48,14 @@ class SuiteTable:
             self._states[case.name] = text
             if self._live is not None:
                 self._live.update(self._table())
-            elif not text.endswith("%"):
-                print(f"{case.name}: {text}", file=sys.stderr, flush=True)
+            elif not text.endswith('%'):
+                print(f'{case.name}: {text}', file=sys.stderr, flush=True)
 
     def _table(self) -> Any:
         from rich.table import Table
         from rich.text import Text
 
-        table = Table("case", "state")
+        table = Table('case', 'state')
         for name, state in self._states.items():  # as Text: a name may have brackets, no markup
             table.add_row(Text(name), Text(state))
         return table
@@ -73,32 +87,32 @@ def print_result(result: SuiteResult) -> None:
     for case in result.cases:
         for outcome in case.outcomes:
             if not outcome.holds:
-                print(f"  {case.case.name}: {outcome.text}")
+                print(f'  {case.case.name}: {outcome.text}')
     for outcome in result.comparisons:
-        print(f"compare  {'holds' if outcome.holds else 'FAILS'}: {outcome.text}")
+        print(f'compare  {"holds" if outcome.holds else "FAILS"}: {outcome.text}')
     for text, verdict, failed, outcomes in result.claims:
-        print(f"claim    {text}: {verdict}{' (not as expected)' if failed else ''}")
+        print(f'claim    {text}: {verdict}{" (not as expected)" if failed else ""}')
         for outcome in outcomes:
-            mark = {True: "yes", False: "no ", None: "?  "}[outcome.holds]
-            print(f"           {mark} {outcome.text}")
+            mark = {True: 'yes', False: 'no ', None: '?  '}[outcome.holds]
+            print(f'           {mark} {outcome.text}')
     passed = sum(case.passed for case in result.cases)
-    print(f"{passed} of {len(result.cases)} cases passed; suite {_word(result.passed)}")
+    print(f'{passed} of {len(result.cases)} cases passed; suite {_word(result.passed)}')
 
 
 def _print_cases(cases: list[CaseResult]) -> None:
-    header = ["case", "result", *_COLUMNS]
+    header = ['case', 'result', *_COLUMNS]
     rows = [
         [
             c.case.name,
-            ("pass" if c.passed else "FAIL") + ("" if c.metrics.get("stable") else ", not stable"),
+            ('pass' if c.passed else 'FAIL') + ('' if c.metrics.get('stable') else ', not stable'),
             *(format_metric(_short(c.metrics.get(name))) for name in _COLUMNS),
         ]
         for c in cases
     ]
     widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
     for row in [header, *rows]:
-        cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)]
-        print("  ".join(cells).rstrip())
+        cells = [f'{cell:<{width}}' for cell, width in zip(row, widths, strict=True)]
+        print('  '.join(cells).rstrip())
 
 
 def _short(value: Any) -> Any:
@@ -107,4 +121,4 @@ def _short(value: Any) -> Any:
 
 
 def _word(passed: bool) -> str:
-    return "passes" if passed else "FAILS"
+    return 'passes' if passed else 'FAILS'

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm sweep``: many scenarios in parallel, one table."""
 
 from __future__ import annotations
@@ -5,9 +19,9 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import sys
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.signals import Deferred
@@ -21,25 +35,25 @@ if TYPE_CHECKING:
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "sweep",
-        help="many scenarios in parallel, one table",
-        description="Fly every run of SWEEP (a file or the name of a shipped one) in processes of "
-        "this machine, or on a Dask cluster, and write one table and pictures. "
-        "A sweep that was cut off goes on when it is started again with the same --out.",
-        epilog="Exit status: 0; 1 if a run failed for another reason than being unstable; "
-        "2 for a bad sweep; 130 or 143 after a signal.",
+        'sweep',
+        help='many scenarios in parallel, one table',
+        description='Fly every run of SWEEP (a file or the name of a shipped one) in processes of '
+        'this machine, or on a Dask cluster, and write one table and pictures. '
+        'A sweep that was cut off goes on when it is started again with the same --out.',
+        epilog='Exit status: 0; 1 if a run failed for another reason than being unstable; '
+        '2 for a bad sweep; 130 or 143 after a signal.',
     )
-    parser.add_argument("sweep", metavar="SWEEP")
+    parser.add_argument('sweep', metavar='SWEEP')
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="directory of the sweep (default: runs/NAME)"
-    )
-    parser.add_argument(
-        "--workers", type=_workers, metavar="N", help="processes (default: one a core)"
+        '--out', type=Path, metavar='DIR', help='directory of the sweep (default: runs/NAME)'
     )
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="a Dask scheduler, tcp://HOST:PORT, instead"
+        '--workers', type=_workers, metavar='N', help='processes (default: one a core)'
     )
-    parser.add_argument("--no-pictures", action="store_true", help="write no pictures")
+    parser.add_argument(
+        '--scheduler', metavar='ADDRESS', help='a Dask scheduler, tcp://HOST:PORT, instead'
+    )
+    parser.add_argument('--no-pictures', action='store_true', help='write no pictures')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -60,10 +74,10 @@ def run(args: argparse.Namespace) -> int:
     except (StoreError, EngineError) as error:
         raise UsageError(str(error)) from None
     if signals.signum:
-        again = f"flexarm sweep {args.sweep} --out {directory}"
-        print(f"flexarm sweep: {len(missing)} runs left; `{again}` goes on", file=sys.stderr)
+        again = f'flexarm sweep {args.sweep} --out {directory}'
+        print(f'flexarm sweep: {len(missing)} runs left; `{again}` goes on', file=sys.stderr)
         return signals.status
-    return 1 if {"failed", "crashed"} & set(counts) or set(counts) == {"invalid"} else 0
+    return 1 if {'failed', 'crashed'} & set(counts) or set(counts) == {'invalid'} else 0
 
 
 def _engine(args: argparse.Namespace, sweep: Sweep) -> LocalPool | DaskCluster:
@@ -84,7 +98,7 @@ def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop:
         return
     done = sweep.count - len(missing)
     if done:
-        print(f"flexarm sweep: {done} of {sweep.count} runs are there already", file=sys.stderr)
+        print(f'flexarm sweep: {done} of {sweep.count} runs are there already', file=sys.stderr)
     cases = [sweep.case(index) for index in missing]
     tasks = [(case.index, case.base, case.overrides) for case in cases]
     with CountProgress(sweep.name, sweep.count, done) as progress:
@@ -97,12 +111,12 @@ def _finish(args: argparse.Namespace, sweep: Sweep, store: SweepStore, cut: bool
     """Write table and pictures and print what came out."""
     table, files = store.write()
     if not args.no_pictures and not cut and store.rows:
-        files += _pictures(sweep, table, store.directory / "pictures")
-    counts = ", ".join(f"{n} {outcome}" for outcome, n in store.counts().items()) or "none"
-    print(f"{len(store.rows)} of {sweep.count} runs: {counts}")
-    bad = [row for row in store.rows.values() if row["outcome"] in ("failed", "crashed")]
+        files += _pictures(sweep, table, store.directory / 'pictures')
+    counts = ', '.join(f'{n} {outcome}' for outcome, n in store.counts().items()) or 'none'
+    print(f'{len(store.rows)} of {sweep.count} runs: {counts}')
+    bad = [row for row in store.rows.values() if row['outcome'] in ('failed', 'crashed')]
     for row in bad[:1]:
-        print(f"run {row['index']} {row['outcome']}: {row['error']}", file=sys.stderr)
+        print(f'run {row["index"]} {row["outcome"]}: {row["error"]}', file=sys.stderr)
     for path in files:
         print(path)
 
@@ -111,7 +125,7 @@ def _pictures(sweep: Sweep, table: dict[str, list[Any]], out: Path) -> list[Path
     try:
         from flexarm_ros.analysis.sweep_pictures import write_pictures
     except ImportError as error:
-        print(f"no pictures: {error}", file=sys.stderr)
+        print(f'no pictures: {error}', file=sys.stderr)
         return []
     return write_pictures(sweep, table, out)
 
@@ -119,5 +133,5 @@ def _pictures(sweep: Sweep, table: dict[str, list[Any]], out: Path) -> list[Path
 def _workers(text: str) -> int:
     value = int(text) if text.isdigit() else 0
     if not 1 <= value <= 1024:
-        raise argparse.ArgumentTypeError(f"{text}: a whole number from 1 to 1024")
+        raise argparse.ArgumentTypeError(f'{text}: a whole number from 1 to 1024')
     return value

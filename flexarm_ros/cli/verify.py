@@ -1,29 +1,43 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm verify``: compute a recorded run anew and compare every message."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from flexarm_ros.bag.verify import Verdict
 
-NODES = ("plant", "encoder", "tip_sensor", "trajectory", "controller")
+NODES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller')
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "verify",
-        help="recompute a recorded run and compare every message",
+        'verify',
+        help='recompute a recorded run and compare every message',
         description="Recompute RUN (a run's directory, the bag in it or the .mcap file) from the "
-        "scenario in the bag, node by node from the recorded inputs and as a closed loop, and "
-        "compare every recorded message byte for byte.",
-        epilog="Exit status: 0 all the same; 1 something differs, or the bag cannot be read.",
+        'scenario in the bag, node by node from the recorded inputs and as a closed loop, and '
+        'compare every recorded message byte for byte.',
+        epilog='Exit status: 0 all the same; 1 something differs, or the bag cannot be read.',
     )
-    parser.add_argument("run", metavar="RUN")
+    parser.add_argument('run', metavar='RUN')
     parser.add_argument(
-        "--without", action="append", default=[], choices=NODES, metavar="NODE",
+        '--without', action='append', default=[], choices=NODES, metavar='NODE',
         help="NODE was somebody else's: take its messages as they are; repeats",
     )  # fmt: skip
 
@@ -38,23 +52,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(verdict: Verdict) -> None:
-    print(f"{verdict.ticks} of {verdict.planned} ticks compared")
+    print(f'{verdict.ticks} of {verdict.planned} ticks compared')
     if verdict.versions:
-        print("recorded with other versions, so that other digits may be expected:")
+        print('recorded with other versions, so that other digits may be expected:')
         for text in verdict.versions:
-            print(f"  {text}")
+            print(f'  {text}')
     for check, count in verdict.compared.items():
         bad = verdict.differing.get(check, 0)
-        result = f"{bad} of {count} messages differ" if bad else f"{count} messages the same"
-        print(f"  {check:12} {result}")
+        result = f'{bad} of {count} messages differ' if bad else f'{count} messages the same'
+        print(f'  {check:12} {result}')
     for text in verdict.notes:
-        print(f"note: {text}")
+        print(f'note: {text}')
     for text in verdict.faults:
-        print(f"fault: {text}")
+        print(f'fault: {text}')
     for difference in sorted(verdict.first.values(), key=lambda d: d.tick):
-        print(f"first of {difference.check}: {difference}")
+        print(f'first of {difference.check}: {difference}')
     earliest = verdict.earliest
     if earliest is not None:
-        print(f"DIFFERS: {earliest}")
+        print(f'DIFFERS: {earliest}')
     else:
-        print("the same" if verdict.same else "NOT AS IT SHOULD BE: see above")
+        print('the same' if verdict.same else 'NOT AS IT SHOULD BE: see above')

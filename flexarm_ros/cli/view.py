@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``flexarm view``: show a run while it goes on."""
 
 from __future__ import annotations
@@ -14,65 +28,65 @@ from flexarm_ros.cli import UsageError
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
-        "view",
-        help="live view of a run in a browser",
-        description="Show the run that goes on in a ROS domain: a WebSocket server for Foxglove "
-        "and Lichtblick, and markers, URDF and TF for RViz. The run does not wait for it. It "
+        'view',
+        help='live view of a run in a browser',
+        description='Show the run that goes on in a ROS domain: a WebSocket server for Foxglove '
+        'and Lichtblick, and markers, URDF and TF for RViz. The run does not wait for it. It '
         "learns the arm from the run's nodes; a replay has none, so give its SCENARIO.",
-        epilog="For example: `flexarm view --domain 7`, and elsewhere `flexarm run fls_tip "
-        "--domain 7 --rtf 1`. Ctrl-C ends it.",
+        epilog='For example: `flexarm view --domain 7`, and elsewhere `flexarm run fls_tip '
+        '--domain 7 --rtf 1`. Ctrl-C ends it.',
     )
     parser.add_argument(
-        "scenario", metavar="SCENARIO", nargs="?", help="a parameter file or a shipped scenario"
+        'scenario', metavar='SCENARIO', nargs='?', help='a parameter file or a shipped scenario'
     )
     parser.add_argument(
-        "--domain", type=int, choices=range(233), metavar="N",
-        help="ROS_DOMAIN_ID (default: that of the environment, else 0)",
+        '--domain', type=int, choices=range(233), metavar='N',
+        help='ROS_DOMAIN_ID (default: that of the environment, else 0)',
     )  # fmt: skip
-    parser.add_argument("--namespace", default="", metavar="NS", help="namespace of the arm")
+    parser.add_argument('--namespace', default='', metavar='NS', help='namespace of the arm')
     parser.add_argument(
-        "--port", type=int, default=8765, choices=range(65536), metavar="P",
-        help="port of the WebSocket server (default %(default)s; 0: a free one)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--host", default="127.0.0.1", metavar="ADDRESS",
-        help="address to listen on (default %(default)s: this machine only)",
+        '--port', type=int, default=8765, choices=range(65536), metavar='P',
+        help='port of the WebSocket server (default %(default)s; 0: a free one)',
     )  # fmt: skip
     parser.add_argument(
-        "--rate", type=float, default=30.0, metavar="HZ",
-        help="frames a second at most (default %(default)g)",
+        '--host', default='127.0.0.1', metavar='ADDRESS',
+        help='address to listen on (default %(default)s: this machine only)',
     )  # fmt: skip
     parser.add_argument(
-        "--no-server", action="store_true", help="markers, URDF and TF only: needs no foxglove-sdk"
+        '--rate', type=float, default=30.0, metavar='HZ',
+        help='frames a second at most (default %(default)g)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--no-server', action='store_true', help='markers, URDF and TF only: needs no foxglove-sdk'
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Show the run until a signal; 130 or 143 then, 2 where that cannot be."""
-    if importlib.util.find_spec("rclpy") is None:
-        raise UsageError("rclpy is not installed: run `make env`, or source a ROS 2 installation")
+    if importlib.util.find_spec('rclpy') is None:
+        raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     words = _words(args)
     if args.domain is not None:
-        os.environ["ROS_DOMAIN_ID"] = str(args.domain)
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        os.environ['ROS_DOMAIN_ID'] = str(args.domain)
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     from flexarm_ros.nodes.view_foxglove import layout
     from flexarm_ros.nodes.viewer import view
 
-    print(f"ROS_DOMAIN_ID={os.environ.get('ROS_DOMAIN_ID', '0')}", flush=True)
+    print(f'ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")}', flush=True)
     if not args.no_server:
-        print(f"layout to import: {layout()}", flush=True)
-    print(f"for RViz: {layout().with_name('flexarm.rviz')}", flush=True)
-    return view(["--ros-args", *words])
+        print(f'layout to import: {layout()}', flush=True)
+    print(f'for RViz: {layout().with_name("flexarm.rviz")}', flush=True)
+    return view(['--ros-args', *words])
 
 
 def _words(args: argparse.Namespace) -> list[str]:
     """Return the ROS arguments of the viewer; ScenarioError for a bad scenario."""
     port = -1 if args.no_server else args.port
-    values = {"rate": repr(args.rate), "host": f"'{args.host}'", "port": str(port)}
-    words = [word for key, value in values.items() for word in ("-p", f"{key}:={value}")]
+    values = {'rate': repr(args.rate), 'host': f"'{args.host}'", 'port': str(port)}
+    words = [word for key, value in values.items() for word in ('-p', f'{key}:={value}')]
     if args.scenario is not None:
         scenario.load(args.scenario, [])
-        words += ["--params-file", str(scenario.find(args.scenario))]
+        words += ['--params-file', str(scenario.find(args.scenario))]
     if args.namespace:
-        words += ["-r", f"__ns:=/{args.namespace.strip('/')}"]
+        words += ['-r', f'__ns:=/{args.namespace.strip("/")}']
     return words

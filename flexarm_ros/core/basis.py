@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Shape functions of a flexible link.
 
 Everything here is dimensionless: a link is 0 <= xi <= 1, its deflection is
@@ -33,16 +47,15 @@ must arrive at the same last bit.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
-
-import numpy as np
-from numpy.polynomial import legendre
+import math
 
 from flexarm_ros.core.beam import clamped_free_root
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.small_linalg import inverse_factor, symmetric_eigen
+import numpy as np
+from numpy.polynomial import legendre
 
 PANELS = 32
 """Panels of the composite five-point Gauss rule: exact to rounding for all shapes used."""
@@ -105,9 +118,9 @@ def _polynomial(index: int, xi: FloatArray, order: int) -> FloatArray:
 
 
 _FAMILIES = {
-    "clamped_free": _clamped_free,
-    "craig_bampton": _craig_bampton,
-    "polynomial": _polynomial,
+    'clamped_free': _clamped_free,
+    'craig_bampton': _craig_bampton,
+    'polynomial': _polynomial,
 }
 
 
@@ -133,13 +146,13 @@ class Basis:
         """Return d^order phi / d xi^order, shape ``(N, points)``; order 0, 1 or 2."""
         points = np.atleast_1d(np.asarray(xi, dtype=float))
         raw = family(self.family, self.mixing.shape[1], points, order)
-        return np.asarray(np.einsum("ij,jq->iq", self.mixing, raw))
+        return np.asarray(np.einsum('ij,jq->iq', self.mixing, raw))
 
     def shortening(self, xi: float) -> FloatArray:
         """Return the integral from 0 to xi of phi_i' phi_j', shape ``(N, N)``."""
         nodes, weights = composite_rule()
         slopes = self.shape(xi * nodes, 1)
-        return np.asarray(xi * np.einsum("q,iq,jq->ij", weights, slopes, slopes))
+        return np.asarray(xi * np.einsum('q,iq,jq->ij', weights, slopes, slopes))
 
 
 def gauss5() -> tuple[FloatArray, FloatArray]:
@@ -173,13 +186,13 @@ def orthogonal_basis(name: str, combinations: FloatArray) -> Basis:
     curvatures = family(name, combinations.shape[1], nodes, 2)
     mixing, values = combinations, np.zeros(len(combinations))
     for _ in range(2):  # the second pass removes what the first one's rounding left
-        current = np.einsum("ij,jq->iq", mixing, shapes)
-        bent = np.einsum("ij,jq->iq", mixing, curvatures)
-        inverse = inverse_factor(np.einsum("q,iq,jq->ij", weights, current, current))
-        stiffness = np.einsum("q,iq,jq->ij", weights, bent, bent)
-        reduced = np.einsum("ik,kl,jl->ij", inverse, stiffness, inverse)
+        current = np.einsum('ij,jq->iq', mixing, shapes)
+        bent = np.einsum('ij,jq->iq', mixing, curvatures)
+        inverse = inverse_factor(np.einsum('q,iq,jq->ij', weights, current, current))
+        stiffness = np.einsum('q,iq,jq->ij', weights, bent, bent)
+        reduced = np.einsum('ik,kl,jl->ij', inverse, stiffness, inverse)
         values, vectors = symmetric_eigen(0.5 * (reduced + reduced.T))
-        mixing = 0.5 * np.einsum("ki,kl,lj->ij", vectors, inverse, mixing)
-    ends = np.einsum("ij,jq->iq", mixing, family(name, mixing.shape[1], np.ones(1), 0))[:, 0]
+        mixing = 0.5 * np.einsum('ki,kl,lj->ij', vectors, inverse, mixing)
+    ends = np.einsum('ij,jq->iq', mixing, family(name, mixing.shape[1], np.ones(1), 0))[:, 0]
     mixing = mixing * np.where(ends < 0.0, -1.0, 1.0)[:, None]
     return Basis(name, mixing, 0.25 * values)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``arm_modes``: the N shape functions a link that serve this arm's own modes best.
 
 The first modes of the arm (N, at least four) are computed with a fine polynomial basis, at
@@ -22,17 +36,16 @@ its flexibility 1 / omega^2, in favour of the lowest.
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
+import math
 from typing import NamedTuple
-
-import numpy as np
 
 from flexarm_ros.core.basis import Basis, identity, orthogonal_basis
 from flexarm_ros.core.basis_integrals import linear_integrals
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.parameters import PlantParameters
 from flexarm_ros.core.small_linalg import symmetric_eigen
+import numpy as np
 
 FINE = 12
 """Polynomials a link in which the arm's modes are computed: the first four to 1e-6."""
@@ -87,7 +100,7 @@ def _bases(arm: Arm) -> tuple[Basis, Basis]:
         weights = np.sqrt(weights * start * relative)
         weights = weights * (len(weights) / _total(weights))
         kept = [_principal(part, weights, arm.modes) for part in shapes]
-    first, second = (orthogonal_basis("polynomial", part) for part in kept)
+    first, second = (orthogonal_basis('polynomial', part) for part in kept)
     return first, second
 
 
@@ -97,16 +110,16 @@ def _total(values: FloatArray) -> float:
 
 def _principal(shapes: FloatArray, weights: FloatArray, count: int) -> FloatArray:
     """Return the ``count`` strongest directions ``(count, FINE)`` of weighted rows."""
-    gram = np.einsum("s,si,sj->ij", weights, shapes, shapes)
+    gram = np.einsum('s,si,sj->ij', weights, shapes, shapes)
     _, vectors = symmetric_eigen(gram)
     return np.ascontiguousarray(vectors[:, ::-1][:, :count].T)
 
 
 def _misfit(shapes: FloatArray, kept: FloatArray) -> FloatArray:
     """Return the squared norm of each row of ``shapes`` outside the span of ``kept``."""
-    parts = np.einsum("si,ki->sk", shapes, kept)
-    rest = shapes - np.einsum("sk,ki->si", parts, kept)
-    return np.asarray(np.einsum("si,si->s", rest, rest))
+    parts = np.einsum('si,ki->sk', shapes, kept)
+    rest = shapes - np.einsum('sk,ki->si', parts, kept)
+    return np.asarray(np.einsum('si,si->s', rest, rest))
 
 
 def _means(values: FloatArray, groups: FloatArray) -> FloatArray:
@@ -177,7 +190,7 @@ def _without_joints(mass: FloatArray, free: tuple[int, ...]) -> FloatArray:
 
 @lru_cache
 def _fine_basis() -> Basis:
-    return Basis("polynomial", identity(FINE), np.ones(FINE))
+    return Basis('polynomial', identity(FINE), np.ones(FINE))
 
 
 def straight_mass(arm: Arm, theta2: float) -> FloatArray:

@@ -1,13 +1,26 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The integrals of a link's shape functions that the full model needs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from flexarm_ros.core.basis import PANELS, Basis, composite_rule, gauss5
+from flexarm_ros.core.basis import Basis, composite_rule, gauss5, PANELS
 from flexarm_ros.core.compiled import FloatArray
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -48,9 +61,9 @@ def linear_integrals(basis: Basis) -> LinearIntegrals:
     nodes, weights = composite_rule()
     phi = basis.shape(nodes)
     return LinearIntegrals(
-        mean=np.einsum("q,iq->i", weights, phi),
-        moment=np.einsum("q,iq->i", weights * nodes, phi),
-        mass=np.einsum("q,iq,jq->ij", weights, phi, phi),
+        mean=np.einsum('q,iq->i', weights, phi),
+        moment=np.einsum('q,iq->i', weights * nodes, phi),
+        mass=np.einsum('q,iq,jq->ij', weights, phi, phi),
         end=basis.shape(1.0)[:, 0],
         end_slope=basis.shape(1.0, 1)[:, 0],
     )
@@ -62,10 +75,10 @@ def shortening_integrals(basis: Basis) -> ShorteningIntegrals:
     phi = basis.shape(nodes)
     g = _running_shortening(basis)
     return ShorteningIntegrals(
-        short=np.einsum("q,qij->ij", weights, g),
-        short_moment=np.einsum("q,qij->ij", weights * nodes, g),
-        cross=np.einsum("q,iq,qjk->ijk", weights, phi, g),
-        quartic=np.einsum("q,qij,qkl->ijkl", weights, g, g),
+        short=np.einsum('q,qij->ij', weights, g),
+        short_moment=np.einsum('q,qij->ij', weights * nodes, g),
+        cross=np.einsum('q,iq,qjk->ijk', weights, phi, g),
+        quartic=np.einsum('q,qij,qkl->ijkl', weights, g, g),
         end_short=basis.shortening(1.0),
     )
 
@@ -82,9 +95,9 @@ def _running_shortening(basis: Basis) -> FloatArray:
     inside = np.tile(nodes, PANELS)
     nested = (starts[:, None] + inside[:, None] * nodes) / PANELS
     slopes = basis.shape(nested.ravel(), 1).reshape(-1, len(points), len(nodes))
-    part = np.einsum("p,q,ipq,jpq->pij", inside / PANELS, weights, slopes, slopes)
+    part = np.einsum('p,q,ipq,jpq->pij', inside / PANELS, weights, slopes, slopes)
     slopes = basis.shape(points, 1).reshape(-1, PANELS, len(nodes))
     panel_weights = all_weights.reshape(PANELS, len(nodes))
-    whole = np.cumsum(np.einsum("pq,ipq,jpq->pij", panel_weights, slopes, slopes), axis=0)
+    whole = np.cumsum(np.einsum('pq,ipq,jpq->pij', panel_weights, slopes, slopes), axis=0)
     before = np.concatenate([np.zeros_like(whole[:1]), whole[:-1]])
     return np.asarray(part + np.repeat(before, len(nodes), axis=0))

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Clamped-free Euler-Bernoulli beam modes: equations (6) to (9) of the paper.
 
 The roots are those of the characteristic equation itself,
@@ -12,12 +26,11 @@ the modal coordinates, and nothing that can be measured.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-
-import numpy as np
+import math
 
 from flexarm_ros.core.compiled import FloatArray
+import numpy as np
 
 AMPLITUDE = 0.1
 """The constant A of (8)."""

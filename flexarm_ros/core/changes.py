@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Parameters that change while a run goes on: what, to which value, from which tick on."""
 
 from __future__ import annotations
@@ -23,7 +37,7 @@ class Agenda:
         self.next = self._following()
 
     def _following(self) -> float:
-        return self._left[-1].tick if self._left else float("inf")
+        return self._left[-1].tick if self._left else float('inf')
 
     def due(self, tick: int) -> list[Change]:
         """Return the changes up to ``tick`` that have not been returned before."""

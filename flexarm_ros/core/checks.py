@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What must hold between the keys of a scenario for the core to take it."""
 
 from __future__ import annotations
@@ -8,7 +22,7 @@ from flexarm_ros.core.control.open_loop import check_torques
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.plant import check_substeps
 from flexarm_ros.core.sensors import check_location, ticks_per_sample
-from flexarm_ros.core.timeline import Timeline, named_ns
+from flexarm_ros.core.timeline import named_ns, Timeline
 from flexarm_ros.core.trajectory import check_reachable, initial_angles
 
 
@@ -19,16 +33,16 @@ def check(config: RunConfig) -> None:
     """
     timeline = Timeline.of(config.run)
     for key, seconds in (
-        ("encoder.latency", config.encoder.latency),
-        ("tip_sensor.latency", config.tip_sensor.latency),
-        ("trajectory.delay", config.trajectory.delay),
+        ('encoder.latency', config.encoder.latency),
+        ('tip_sensor.latency', config.tip_sensor.latency),
+        ('trajectory.delay', config.trajectory.delay),
     ):
         named_ns(key, seconds)
     check_location(config)
     ticks_per_sample(config.tip_sensor.rate, timeline.period_ns)
     check_reachable(config)
     initial_angles(config)
-    if config.controller.law == "open_loop":
+    if config.controller.law == 'open_loop':
         check_torques(config.torques)
     if config.controller.law in PLANNING:
         horizon_ns(config)

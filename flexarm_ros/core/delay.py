@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Delay lines of exact, fractional length for a signal sampled once a tick.
 
 ``buffer``: the output at tick k is the input at t_k - latency, linear between
@@ -25,9 +39,8 @@ from __future__ import annotations
 
 import math
 
+from flexarm_ros.core.compiled import compiled, FloatArray
 import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
 
 CHANNELS = 4
 """Values a sample: two positions and their rates."""
@@ -59,7 +72,7 @@ class BufferDelay:
         """Change the latency from the next tick on; ``ValueError`` beyond the history kept."""
         whole, rest = divmod(latency_ns, self._period_ns)
         if latency_ns < 0 or whole > self._capacity - 2:
-            raise ValueError(f"{latency_ns} ns, allowed: 0 to {self.most_ns} ns")
+            raise ValueError(f'{latency_ns} ns, allowed: 0 to {self.most_ns} ns')
         self._whole, self._part = whole, rest / self._period_ns
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
@@ -105,7 +118,7 @@ class PadeDelay:
         does not depend on the latency.
         """
         if latency_ns < 0:
-            raise ValueError(f"{latency_ns} ns, must be 0 or more")
+            raise ValueError(f'{latency_ns} ns, must be 0 or more')
         self._direct = latency_ns == 0
         self._matrices = pade2_matrices(self._period_ns / latency_ns if latency_ns else math.inf)
 

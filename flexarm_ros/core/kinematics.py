@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where points of the arm are, how fast they move, and the way back.
 
 Everything is in frame ``base``: origin at the shoulder, x and y in m, angles
@@ -8,11 +22,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from flexarm_ros.core.beam import ClampedFreeModes
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters import PlantParameters
+import numpy as np
 
 Lengths = tuple[float, float]
 
@@ -123,7 +136,7 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
     along = (min(location, plant.length[0]), max(location - plant.length[0], 0.0))
     shapes = np.zeros((3, count + 1))
     shapes[0, count], shapes[2, count] = along
-    if plant.model == "full":
+    if plant.model == 'full':
         from flexarm_ros.core.shapes_full import link_shapes
 
         shapes[0, :count], shapes[1, :count], short1 = link_shapes(plant, 0, along[0])
@@ -173,8 +186,8 @@ def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, flo
     slack = REACH_TOLERANCE * high
     if not low - slack <= radius <= high + slack:
         raise ValueError(
-            f"({x:.6g}, {y:.6g}) m is {radius:.6g} m from the shoulder, "
-            f"reached are {low:.6g} to {high:.6g} m"
+            f'({x:.6g}, {y:.6g}) m is {radius:.6g} m from the shoulder, '
+            f'reached are {low:.6g} to {high:.6g} m'
         )
     cosine = (radius * radius - length1 * length1 - length2 * length2) / (2.0 * length1 * length2)
     theta2 = math.acos(min(1.0, max(-1.0, cosine)))

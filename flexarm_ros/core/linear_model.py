@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The arm about a pose as one linear system: torques in, what the sensors deliver out.
 
 This is the part of :class:`flexarm_ros.core.stability.SampledLoop` that is not the law, as
@@ -11,9 +25,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from scipy.linalg import block_diag
-
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.modes import linearise
 from flexarm_ros.core.parameters import RunConfig
@@ -21,18 +32,20 @@ from flexarm_ros.core.plant import coordinate_names
 from flexarm_ros.core.sensors import ticks_per_sample
 from flexarm_ros.core.stability import CHANNELS, MOST_STATES
 from flexarm_ros.core.stability_parts import (
-    DelayLine,
     buffer_line,
+    DelayLine,
     hold_matrices,
     line_length,
     pade_line,
 )
-from flexarm_ros.core.timeline import NS_PER_S, Timeline, named_ns
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+import numpy as np
+from scipy.linalg import block_diag
 
-TORQUES = ("tau1", "tau2")
-ENCODER = ("encoder_theta1", "encoder_theta2", "encoder_dtheta1", "encoder_dtheta2")
-TIP_SENSOR = ("sensor_x", "sensor_y", "sensor_vx", "sensor_vy")
-DEFLECTION = ("delta1", "delta2")
+TORQUES = ('tau1', 'tau2')
+ENCODER = ('encoder_theta1', 'encoder_theta2', 'encoder_dtheta1', 'encoder_dtheta2')
+TIP_SENSOR = ('sensor_x', 'sensor_y', 'sensor_vx', 'sensor_vy')
+DEFLECTION = ('delta1', 'delta2')
 
 
 @dataclass(frozen=True)
@@ -83,15 +96,15 @@ def linear_model(
         _check_rate(config)
         period = Timeline.of(config.run).period
         a, b = hold_matrices(arm, period)
-    point = arm.point(config.tip_sensor.location, config.tip_sensor.measurand == "elastic")
+    point = arm.point(config.tip_sensor.location, config.tip_sensor.measurand == 'elastic')
     sensed = [np.asarray(np.kron(np.eye(2), part)) for part in (np.eye(2, size), point)]
-    lines = [_line(config, node, continuous) for node in ("encoder", "tip_sensor")]
+    lines = [_line(config, node, continuous) for node in ('encoder', 'tip_sensor')]
     system = _joined(a, b, sensed, lines)
     whole = np.zeros((2 + 2 * size, len(system.a)))
     whole[: 2 * size, : 2 * size] = np.eye(2 * size)
     whole[2 * size :, :size] = arm.deflection
     names = coordinate_names(config.plant.modes)
-    coordinates = (*names, *(f"{name}_rate" for name in names))
+    coordinates = (*names, *(f'{name}_rate' for name in names))
     c = np.vstack([whole[: 2 * size], system.c, whole[2 * size :]])
     return LinearModel(
         a=system.a,
@@ -122,18 +135,18 @@ def _joined(
 
 def _line(config: RunConfig, node: str, continuous: bool) -> DelayLine:
     """Return a sensor's delay line for its four channels."""
-    section = config.encoder if node == "encoder" else config.tip_sensor
-    latency_ns = named_ns(f"{node}.latency", section.latency)
+    section = config.encoder if node == 'encoder' else config.tip_sensor
+    latency_ns = named_ns(f'{node}.latency', section.latency)
     if continuous:
         return _continuous_pade(latency_ns / NS_PER_S).wide(CHANNELS)
     period_ns = Timeline.of(config.run).period_ns
-    if node == "tip_sensor" and config.tip_sensor.latency_model == "pade2":
+    if node == 'tip_sensor' and config.tip_sensor.latency_model == 'pade2':
         return pade_line(period_ns, latency_ns).wide(CHANNELS)
     most = MOST_STATES // CHANNELS
     if line_length(period_ns, latency_ns) > most:
         raise ValueError(
-            f"{node}.latency: {section.latency:g} s is {latency_ns // period_ns} ticks, too many "
-            f"for a linear model (at most {most})"
+            f'{node}.latency: {section.latency:g} s is {latency_ns // period_ns} ticks, too many '
+            f'for a linear model (at most {most})'
         )
     return buffer_line(period_ns, latency_ns).wide(CHANNELS)
 
@@ -153,8 +166,8 @@ def _continuous_pade(latency: float) -> DelayLine:
 
 def _delay_names(lines: list[DelayLine]) -> list[str]:
     return [
-        f"{node}_delay{i // CHANNELS + 1}_{i % CHANNELS + 1}"
-        for node, line in zip(("encoder", "sensor"), lines, strict=True)
+        f'{node}_delay{i // CHANNELS + 1}_{i % CHANNELS + 1}'
+        for node, line in zip(('encoder', 'sensor'), lines, strict=True)
         for i in range(len(line.a))
     ]
 
@@ -163,6 +176,6 @@ def _check_rate(config: RunConfig) -> None:
     ticks = ticks_per_sample(config.tip_sensor.rate, Timeline.of(config.run).period_ns)
     if ticks > 1:
         raise ValueError(
-            f"tip_sensor.rate: a sample lasts {ticks} ticks, so that the loop is not "
-            "time-invariant a tick; allowed here: 0 (every tick)"
+            f'tip_sensor.rate: a sample lasts {ticks} ticks, so that the loop is not '
+            'time-invariant a tick; allowed here: 0 (every tick)'
         )

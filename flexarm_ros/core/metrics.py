@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The metrics of ``summary.json``, from rows of ``trajectory.csv``, in constant memory.
 
 Errors are distances from the undelayed reference: ``rigid`` is the rigid
@@ -12,21 +26,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.rows import COLUMNS, Row
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
-from flexarm_ros.core.trajectory import Switch, make_path
+from flexarm_ros.core.trajectory import make_path, Switch
+import numpy as np
 
 WINDOW_NS = NS_PER_S
 """Time after a switch in which its overshoot is looked for."""
 
 _BLOCK = 256
 _AT = {name: index for index, name in enumerate(COLUMNS)}
-_DELTA, _TORQUE, _REFERENCE = _AT["delta1"], _AT["tau1"], _AT["ref_x"]
-_TIP, _RIGID = _AT["tip_x"], _AT["rigid_x"]
+_DELTA, _TORQUE, _REFERENCE = _AT['delta1'], _AT['tau1'], _AT['ref_x']
+_TIP, _RIGID = _AT['tip_x'], _AT['rigid_x']
 
 
 class Metrics:
@@ -95,16 +108,16 @@ class Metrics:
         count = self._done
         rms, largest, tip_rms, tip_largest, deflection, torque = self._sums.tolist()
         return {
-            "rms_error": _known(rms / count if count else math.nan, root=True),
-            "max_error": _known(largest if count else math.nan, root=True),
-            "tip_rms_error": _known(tip_rms / count if count else math.nan, root=True),
-            "tip_max_error": _known(tip_largest if count else math.nan, root=True),
-            "overshoot": self._padded(self._overshoot),
-            "max_overshoot": max(map(_finite_or_zero, self._overshoot), default=None),
-            "tip_overshoot": self._padded(self._tip_overshoot),
-            "max_deflection": _known(deflection if count else math.nan),
-            "max_torque": _known(torque if count else math.nan),
-            "ticks": count,
+            'rms_error': _known(rms / count if count else math.nan, root=True),
+            'max_error': _known(largest if count else math.nan, root=True),
+            'tip_rms_error': _known(tip_rms / count if count else math.nan, root=True),
+            'tip_max_error': _known(tip_largest if count else math.nan, root=True),
+            'overshoot': self._padded(self._overshoot),
+            'max_overshoot': max(map(_finite_or_zero, self._overshoot), default=None),
+            'tip_overshoot': self._padded(self._tip_overshoot),
+            'max_deflection': _known(deflection if count else math.nan),
+            'max_torque': _known(torque if count else math.nan),
+            'ticks': count,
         }
 
     def _padded(self, values: list[float]) -> list[float | None]:

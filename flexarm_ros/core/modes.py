@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The arm linearised about rest: matrices, natural frequencies, transfer functions' ingredients.
 
 At rest with straight links every Coriolis and centrifugal term is of second
@@ -9,20 +23,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
 from flexarm_ros.core.plant_eq14 import Eq14Matrices
 from flexarm_ros.core.plant_full import elastic_diagonals, mass_matrix
 from flexarm_ros.core.plant_full_model import END, make_constants
+import numpy as np
 
 JOINTS = {
-    "locked": (True, True),
-    "free": (False, False),
-    "shoulder-locked": (True, False),
-    "elbow-locked": (False, True),
+    'locked': (True, True),
+    'free': (False, False),
+    'shoulder-locked': (True, False),
+    'elbow-locked': (False, True),
 }
 """Joint condition -> which of shoulder and elbow are locked."""
 
@@ -98,7 +111,7 @@ def linearise(config: RunConfig, theta2: float, theta1: float = 0.0) -> LinearAr
     pose[1] = theta2
     torque[0, 0] = torque[1, 1] = 1.0
     ends = np.zeros((2, size))
-    if plant.model == "eq14":
+    if plant.model == 'eq14':
         matrices = Eq14Matrices(plant)
         mass, stiffness, damping = matrices.mass_at(theta2), matrices.stiffness, matrices.damping
         shape = matrices.end_shape[2:].reshape(2, plant.modes)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How a parameter is described: what is allowed for a key of a scenario, and what it means."""
 
 from __future__ import annotations
@@ -21,7 +35,7 @@ class Spec:
     kind: str
     unit: str
     doc: str
-    paper: str = ""
+    paper: str = ''
     low: float | None = None
     high: float | None = None
     low_open: bool = False
@@ -33,14 +47,14 @@ class Spec:
 
 def parameter(default: Any, kind: str, unit: str, doc: str, **rest: Any) -> Any:
     """Return the field of a key: its default, and its :class:`Spec` from the rest."""
-    key = rest.pop("key", None)
+    key = rest.pop('key', None)
     spec = Spec(kind, unit, doc, optional=default is None, **rest)
-    return field(default=default, metadata={"spec": spec, "key": key})
+    return field(default=default, metadata={'spec': spec, 'key': key})
 
 
 def specs(section: type) -> dict[str, tuple[str, Spec, Any]]:
     """Return ``{key in the file: (field name, Spec, default)}`` of a section's class."""
     return {
-        f.metadata["key"] or f.name: (f.name, f.metadata["spec"], f.default)
+        f.metadata['key'] or f.name: (f.name, f.metadata['spec'], f.default)
         for f in fields(section)
     }

@@ -1,18 +1,31 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The plant interface, its choice by ``plant.model`` and its integrator steps."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+import math
 from typing import Protocol
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant_eq14 import Eq14Matrices, end_deflections, step_eq14
+from flexarm_ros.core.plant_eq14 import end_deflections, Eq14Matrices, step_eq14
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
+import numpy as np
 
 DEFLECTION_LIMIT = 5.0
 """End deflection, m, beyond which a run is unstable: the universe of the FLS."""
@@ -58,8 +71,8 @@ class Plant(Protocol):
 
 def coordinate_names(modes: int) -> tuple[str, ...]:
     """Return the names of the coordinates: joints, then modes of link 1 and link 2."""
-    modal = [f"link{link}_mode{i + 1}" for link in (1, 2) for i in range(modes)]
-    return ("shoulder", "elbow", *modal)
+    modal = [f'link{link}_mode{i + 1}' for link in (1, 2) for i in range(modes)]
+    return ('shoulder', 'elbow', *modal)
 
 
 class Eq14Plant:
@@ -110,15 +123,15 @@ def choose_substeps(plant: PlantParameters, period: float, highest: float) -> in
     least = max(1, math.ceil(highest * period / STABLE_PHASE))
     if plant.substeps < least:
         raise ValueError(
-            f"plant.substeps: {plant.substeps} is too few for a highest frequency of "
-            f"{highest:.4g} rad/s at this control_period; allowed: {least} or more"
+            f'plant.substeps: {plant.substeps} is too few for a highest frequency of '
+            f'{highest:.4g} rad/s at this control_period; allowed: {least} or more'
         )
     return plant.substeps
 
 
 def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
-    if config.plant.model == "full":
+    if config.plant.model == 'full':
         from flexarm_ros.core import plant_full
 
         return float(plant_full.highest_frequency(config))
@@ -139,7 +152,7 @@ def make_plant(config: RunConfig) -> Plant:
     ``ValueError``, naming the key, for too few substeps or an unreachable start.
     """
     plant: Plant
-    if config.plant.model == "full":
+    if config.plant.model == 'full':
         from flexarm_ros.core.plant_full import FullPlant
 
         plant = FullPlant(config)
@@ -165,12 +178,12 @@ def instability(plant: Plant) -> str | None:
         return None
     for name, value in zip(plant.names, plant.q, strict=True):
         if not math.isfinite(value):
-            return f"{name}: {value}"
+            return f'{name}: {value}'
     for name, value in zip(plant.names, plant.qd, strict=True):
         if not math.isfinite(value):
-            return f"rate of {name}: {value}"
+            return f'rate of {name}: {value}'
     link = 0 if not abs(ends[0]) <= DEFLECTION_LIMIT else 1
-    return f"deflection of link{link + 1}: {ends[link]:.6g} m"
+    return f'deflection of link{link + 1}: {ends[link]:.6g} m'
 
 
 @compiled

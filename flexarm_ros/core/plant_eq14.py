@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Equation (14) as the paper states it: the ``eq14`` plant.
 
 Coordinates are (theta1, theta2, modes of link 1, modes of link 2); theta2 is
@@ -20,12 +34,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from flexarm_ros.core.beam import ClampedFreeModes
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.linear import solve_symmetric
 from flexarm_ros.core.parameters import PlantParameters
+import numpy as np
 
 
 class Eq14Matrices:
@@ -72,7 +85,10 @@ class Eq14Matrices:
 
         self.mass: FloatArray = np.ascontiguousarray(np.stack([straight, bent]))
         self.stiffness = np.zeros(size)
-        self.stiffness[first], self.stiffness[second] = link1.modal_stiffness, link2.modal_stiffness
+        self.stiffness[first], self.stiffness[second] = (
+            link1.modal_stiffness,
+            link2.modal_stiffness,
+        )
         self.damping = np.zeros(size)
         for part, link in ((first, link1), (second, link2)):
             self.damping[part] = 2.0 * plant.damping_ratio * link.modal_mass * link.frequencies

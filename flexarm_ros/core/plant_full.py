@@ -1,11 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The ``full`` plant: two inextensible Euler-Bernoulli links with every inertia term."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-
-import numpy as np
+import math
 
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
@@ -17,8 +29,9 @@ from flexarm_ros.core.plant_full_dynamics import (
     mass_and_bias,
     step,
 )
-from flexarm_ros.core.plant_full_model import DAMPING, STIFFNESS, make_constants
+from flexarm_ros.core.plant_full_model import DAMPING, make_constants, STIFFNESS
 from flexarm_ros.core.timeline import Timeline
+import numpy as np
 
 ACCURATE_PHASE = 0.33
 """Default phase of the fastest coordinate in one integrator step, rad.

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Compiled equations of motion of the full model.
 
 Kane's method, link by link.  A link's velocities are u = (v, w, da/dt): v the
@@ -16,11 +30,10 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
-from flexarm_ros.core.plant_full_link import FW, FX, FY, SPIN_INERTIA, SX, SY, link_terms
+from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.plant_full_link import FW, FX, FY, link_terms, SPIN_INERTIA, SX, SY
 from flexarm_ros.core.plant_full_model import (
+    Constants,
     DAMPING,
     END,
     END_SHORT,
@@ -29,8 +42,8 @@ from flexarm_ros.core.plant_full_model import (
     MASS,
     MEAN,
     STIFFNESS,
-    Constants,
 )
+import numpy as np
 
 Work: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Compiled inertia and acceleration terms of one flexible link in its own frame.
 
 Notation as in :mod:`flexarm_ros.core.plant_full_dynamics`.  With r = (x, y) the
@@ -13,7 +27,7 @@ and f_a.  Terms to fourth order in (a, a') follow and all of them are kept.
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.plant_full_model import (
     FIRST,
     INERTIA,

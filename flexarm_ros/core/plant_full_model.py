@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The numbers of the full model: a link's integrals with its masses, packed for the compiled code.
 
 A link of length L, mass m = rho L and rigidity EI, with a point mass and a
@@ -16,13 +30,12 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-import numpy as np
-
 from flexarm_ros.core.basis import Basis, identity, orthogonal_basis
 from flexarm_ros.core.basis_arm import arm_bases
 from flexarm_ros.core.basis_integrals import linear_integrals, shortening_integrals
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.parameters import PlantParameters
+import numpy as np
 
 # Rows of ``Constants.scalars``, ``.vectors`` and ``.matrices``.
 MASS, FIRST, INERTIA, LENGTH = range(4)
@@ -61,7 +74,7 @@ class Constants(NamedTuple):
 
 def link_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
     """Return the shape functions of link 1 and link 2 that ``plant.basis`` names."""
-    if plant.basis == "arm_modes":
+    if plant.basis == 'arm_modes':
         return arm_bases(plant)
     basis = orthogonal_basis(plant.basis, identity(plant.modes))
     return basis, basis

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One row of ``trajectory.csv`` a tick, from what is recorded of that tick.
 
 The same function makes the rows of a run in one process and those of a bag, so
@@ -7,17 +21,17 @@ that the two agree bit for bit.
 from __future__ import annotations
 
 from flexarm_ros.core.changes import Agenda
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.control import gain_of
 from flexarm_ros.core.kinematics import elastic_point, make_point, rigid_point
-from flexarm_ros.core.parameters import RunConfig, changed
+from flexarm_ros.core.parameters import changed, RunConfig
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import Reference
 
 COLUMNS = (
-    "t", "theta1", "theta2", "dtheta1", "dtheta2", "delta1", "delta2", "elbow_x", "elbow_y",
-    "tip_x", "tip_y", "rigid_x", "rigid_y", "meas_x", "meas_y", "ref_x", "ref_y", "tau1", "tau2",
-    "lambda",
+    't', 'theta1', 'theta2', 'dtheta1', 'dtheta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y',
+    'tip_x', 'tip_y', 'rigid_x', 'rigid_y', 'meas_x', 'meas_y', 'ref_x', 'ref_y', 'tau1', 'tau2',
+    'lambda',
 )  # fmt: skip
 """Header of ``trajectory.csv``: s, rad, rad/s, m, N m."""
 

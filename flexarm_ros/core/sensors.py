@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Joint encoder and tip sensor: what is measured, when, and how badly.
 
 A sample delivered at tick k is the value at t_k - latency and is stamped with
@@ -15,13 +29,12 @@ from __future__ import annotations
 from decimal import Decimal
 from fractions import Fraction
 
-import numpy as np
-
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.delay import BufferDelay, PadeDelay, Sample4
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.timeline import NS_PER_S, T0_NS, Timeline, named_ns
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
+import numpy as np
 
 Measurement = tuple[int, float, float, float, float]
 
@@ -48,11 +61,11 @@ class _Latency:
     """A delay line and its latency; stamps are t0 + t_k - latency."""
 
     def __init__(self, node: str, seconds: float, period_ns: int, model: str) -> None:
-        self._key = f"{node}.latency"
+        self._key = f'{node}.latency'
         self.ns = named_ns(self._key, seconds)
         self._period_ns = period_ns
         self._line: BufferDelay | PadeDelay
-        if model == "pade2":
+        if model == 'pade2':
             self._line = PadeDelay(period_ns, self.ns)
         else:
             self._line = BufferDelay(period_ns, self.ns)
@@ -61,15 +74,15 @@ class _Latency:
         try:
             self._line.set_latency_ns(latency_ns)
         except ValueError as error:
-            raise ValueError(f"{self._key}: {error}") from None
+            raise ValueError(f'{self._key}: {error}') from None
         self.ns = latency_ns
 
     def check_seconds(self, seconds: float) -> None:
         latency_ns = named_ns(self._key, seconds)
         if latency_ns > self._line.most_ns:
             raise ValueError(
-                f"{self._key}: {seconds!r} s is beyond the {self._line.most_ns * 1e-9:g} s of "
-                "history that this run keeps"
+                f'{self._key}: {seconds!r} s is beyond the {self._line.most_ns * 1e-9:g} s of '
+                'history that this run keeps'
             )
 
     def set_seconds(self, seconds: float) -> None:
@@ -87,8 +100,8 @@ class Encoder:
     def __init__(self, config: RunConfig) -> None:
         parameters = config.encoder
         period_ns = Timeline.of(config.run).period_ns
-        self._latency = _Latency("encoder", parameters.latency, period_ns, "buffer")
-        self._noise = Noise(config.run.seed, "encoder")
+        self._latency = _Latency('encoder', parameters.latency, period_ns, 'buffer')
+        self._noise = Noise(config.run.seed, 'encoder')
         self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
 
     def set_latency_ns(self, latency_ns: int) -> None:
@@ -142,11 +155,11 @@ class TipSensor:
         parameters, timeline = config.tip_sensor, Timeline.of(config.run)
         check_location(config)
         places = (parameters.location, *(parameters.more_locations or ()))
-        self._point = make_point(config.plant, places[number], parameters.measurand == "elastic")
+        self._point = make_point(config.plant, places[number], parameters.measurand == 'elastic')
         self._latency = _Latency(
-            "tip_sensor", parameters.latency, timeline.period_ns, parameters.latency_model
+            'tip_sensor', parameters.latency, timeline.period_ns, parameters.latency_model
         )
-        self._noise = Noise(config.run.seed, f"tip_sensor{number or ''}")
+        self._noise = Noise(config.run.seed, f'tip_sensor{number or ""}')
         self._every = ticks_per_sample(parameters.rate, timeline.period_ns)
         self.noise_std = parameters.noise_std
         self._held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
@@ -198,8 +211,8 @@ def ticks_per_sample(rate: float, period_ns: int) -> int:
     if ticks.denominator != 1:
         control = float(Fraction(NS_PER_S, period_ns))
         raise ValueError(
-            f"tip_sensor.rate: {rate!r} Hz, allowed: 0 or the control rate of {control:g} Hz "
-            "divided by a whole number"
+            f'tip_sensor.rate: {rate!r} Hz, allowed: 0 or the control rate of {control:g} Hz '
+            'divided by a whole number'
         )
     return ticks.numerator
 
@@ -208,11 +221,11 @@ def check_location(config: RunConfig) -> None:
     """Raise ``ValueError`` where a tip sensor is not between elbow and tip."""
     # As decimals: 0.7 + 0.1 is 0.8, which it is not in binary floating point.
     low, beyond = (Decimal(repr(length)) for length in config.plant.length)
-    places = [("location", config.tip_sensor.location)]
-    places += [("more_locations", place) for place in config.tip_sensor.more_locations or ()]
+    places = [('location', config.tip_sensor.location)]
+    places += [('more_locations', place) for place in config.tip_sensor.more_locations or ()]
     for key, place in places:
         location = Decimal(repr(place))
         if not low <= location <= low + beyond:
             raise ValueError(
-                f"tip_sensor.{key}: {location} m, allowed: {low} (elbow) to {low + beyond} m (tip)"
+                f'tip_sensor.{key}: {location} m, allowed: {low} (elbow) to {low + beyond} m (tip)'
             )

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Eigenvalues and factors of matrices of a few rows, the same to the last bit everywhere.
 
 LAPACK's last bits may change with its threads and its blocking; what these
@@ -8,9 +22,8 @@ from __future__ import annotations
 
 import math
 
+from flexarm_ros.core.compiled import compiled, FloatArray
 import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
 
 
 def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -21,7 +34,7 @@ def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
         vectors[i, i] = 1.0
     _jacobi(a, vectors)
     values = np.array([a[i, i] for i in range(len(a))])
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values, kind='stable')
     return values[order], np.ascontiguousarray(vectors[:, order])
 
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The sampled closed loop, linearised about rest at a pose of the arm.
 
 The loop's state is
@@ -17,28 +31,27 @@ Not in a linear analysis: torque limits, noise, counts, speed.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.modes import linearise
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.plant import make_plant
 from flexarm_ros.core.sensors import ticks_per_sample
-from flexarm_ros.core.stability_law import LinearLaw, linear_law
+from flexarm_ros.core.stability_law import linear_law, LinearLaw
 from flexarm_ros.core.stability_parts import (
-    DelayLine,
     buffer_line,
+    DelayLine,
     hold_matrices,
     line_length,
     pade_line,
 )
-from flexarm_ros.core.timeline import NS_PER_S, Timeline, named_ns
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+import numpy as np
+from numpy.typing import NDArray
 
 MOST_STATES = 1500
 """Largest state of a loop that is analysed: its eigenvalues take some ten seconds."""
 
-NODES = ("encoder", "tip_sensor")
+NODES = ('encoder', 'tip_sensor')
 CHANNELS = 4
 
 
@@ -54,23 +67,23 @@ class SampledLoop:
     """
 
     def __init__(
-        self, config: RunConfig, theta2: float, integrator: str = "exact", compress: bool = True
+        self, config: RunConfig, theta2: float, integrator: str = 'exact', compress: bool = True
     ) -> None:
         self.config, self.theta2 = config, theta2
         timeline, tip = Timeline.of(config.run), config.tip_sensor
         self.period, self.period_ns = timeline.period, timeline.period_ns
         self.arm = linearise(config, theta2)
         self.law = linear_law(config, self.arm)
-        substeps = make_plant(config).substeps if integrator == "rk4" else None
+        substeps = make_plant(config).substeps if integrator == 'rk4' else None
         self.hold = hold_matrices(self.arm, self.period, substeps)
         self.ticks_per_sample = ticks_per_sample(tip.rate, self.period_ns)
-        point = self.arm.point(tip.location, tip.measurand == "elastic")
+        point = self.arm.point(tip.location, tip.measurand == 'elastic')
         joints = np.eye(2, len(self.arm.mass))
         self._sensed = tuple(np.kron(np.eye(2), part) for part in (joints, point))
-        self._compress, self._pade = compress, tip.latency_model == "pade2"
+        self._compress, self._pade = compress, tip.latency_model == 'pade2'
         self._latencies = (
-            named_ns("encoder.latency", config.encoder.latency),
-            named_ns("tip_sensor.latency", tip.latency),
+            named_ns('encoder.latency', config.encoder.latency),
+            named_ns('tip_sensor.latency', tip.latency),
         )
 
     @property
@@ -81,9 +94,11 @@ class SampledLoop:
     @property
     def longest_latency_ns(self) -> int:
         """The longest latency of that sensor that :meth:`matrix` takes."""
-        if self.config.controller.feedback == "tip_sensor" and self._pade:
+        if self.config.controller.feedback == 'tip_sensor' and self._pade:
             return NS_PER_S
-        width = max(len(self._split(self.law, len(self.hold[0]) + CHANNELS * i)[1]) for i in (0, 1))
+        width = max(
+            len(self._split(self.law, len(self.hold[0]) + CHANNELS * i)[1]) for i in (0, 1)
+        )
         return MOST_STATES // max(width, 1) * self.period_ns
 
     @property
@@ -118,19 +133,19 @@ class SampledLoop:
         if self.ticks_per_sample > 1:
             share = 1.0 / self.ticks_per_sample
             values = np.abs(values) ** share * np.exp(1j * share * np.angle(values))
-        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+        return np.asarray(values[np.argsort(-np.abs(values), kind='stable')])
 
     def modulus(self, factor: float = 1.0, latency_ns: int | None = None) -> float:
         """Return the largest modulus a tick."""
         return float(np.abs(self.eigenvalues(factor, latency_ns)[0]))
 
     def _line(self, node: str, latency_ns: int, width: int) -> DelayLine:
-        if node == "tip_sensor" and self._pade:
+        if node == 'tip_sensor' and self._pade:
             return pade_line(self.period_ns, latency_ns).wide(width)
         if width * line_length(self.period_ns, latency_ns) > MOST_STATES:
             raise ValueError(
-                f"{node}.latency: {latency_ns / 1e9:g} s is {latency_ns // self.period_ns} ticks, "
-                f"too many for this analysis (at most {MOST_STATES // width})"
+                f'{node}.latency: {latency_ns / 1e9:g} s is {latency_ns // self.period_ns} ticks, '
+                f'too many for this analysis (at most {MOST_STATES // width})'
             )
         return buffer_line(self.period_ns, latency_ns).wide(width)
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The fuzzy logic system with any odd number of functions, and other readings of its rules.
 
 For studies only: the loop's own is :mod:`flexarm_ros.core.fls`, which is the
@@ -13,12 +27,11 @@ instead, so that one bent link is as bad as two.
 
 from __future__ import annotations
 
+from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.fls import _half_moments
 import numpy as np
 
-from flexarm_ros.core.compiled import FloatArray, compiled
-from flexarm_ros.core.fls import _half_moments
-
-RULES = ("sum", "largest")
+RULES = ('sum', 'largest')
 
 
 @compiled
@@ -47,16 +60,16 @@ class FuzzyGain:
     Raises ``ValueError`` for an even number, fewer than three, or an unknown rule.
     """
 
-    def __init__(self, functions: int = 3, kn: float = 5.0, rule: str = "sum") -> None:
+    def __init__(self, functions: int = 3, kn: float = 5.0, rule: str = 'sum') -> None:
         if functions < 3 or functions % 2 == 0:
-            raise ValueError(f"functions: {functions}, allowed: 3, 5, 7, ...")
+            raise ValueError(f'functions: {functions}, allowed: 3, 5, 7, ...')
         if rule not in RULES:
-            raise ValueError(f"rule: {rule!r}, allowed: {', '.join(RULES)}")
+            raise ValueError(f'rule: {rule!r}, allowed: {", ".join(RULES)}')
         self.functions, self.kn, self.rule = functions, kn, rule
         self._strengths = np.zeros(functions)
 
     def __call__(self, delta1: float, delta2: float) -> float:
         """Return lambda, from 1 / (3 (functions - 1)) at rest to 1 less that."""
         a, b = min(abs(delta1) / self.kn, 1.0), min(abs(delta2) / self.kn, 1.0)
-        result: float = _lambda(a, b, self.functions // 2, self.rule == "largest", self._strengths)
+        result: float = _lambda(a, b, self.functions // 2, self.rule == 'largest', self._strengths)
         return result

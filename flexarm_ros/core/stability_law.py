@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Control laws about rest: what they make of small deviations.
 
 The arm rests with straight links and the reference is constant at its tip, so
@@ -12,17 +26,16 @@ g = K_s lambda(0, 0), exactly: lambda's own slope multiplies no force either.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-
-import numpy as np
+import math
 
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.control import LAWS, gain_of
+from flexarm_ros.core.control import gain_of, LAWS
 from flexarm_ros.core.kinematics import jacobian
 from flexarm_ros.core.modes import LinearArm
 from flexarm_ros.core.parameters import RunConfig
+import numpy as np
 
 
 class NoLinearFormError(ValueError):
@@ -65,15 +78,15 @@ def linear_law(config: RunConfig, arm: LinearArm) -> LinearLaw:
     that has none.
     """
     name = config.controller.law
-    if name == "pd":
+    if name == 'pd':
         return LinearLaw.static(_jacobian_law(config, arm))
-    if name == "fls":
+    if name == 'fls':
         gain = config.controller.ks * gain_of(config, 0.0, 0.0)
         return LinearLaw.static(_jacobian_law(config, arm)).scaled(gain)
     form: Callable[[RunConfig, LinearArm], LinearLaw] | None
-    form = getattr(LAWS[name], "linear_form", None)
+    form = getattr(LAWS[name], 'linear_form', None)
     if form is None:
-        raise NoLinearFormError(f"controller.law: {name} has no linear form, no loop to analyse")
+        raise NoLinearFormError(f'controller.law: {name} has no linear form, no loop to analyse')
     law: LinearLaw = form(config, arm)
     return law
 
@@ -86,7 +99,7 @@ def _jacobian_law(config: RunConfig, arm: LinearArm) -> FloatArray:
     tip = np.array([[j11, j12], [j21, j22]])
     position, rate = np.zeros((2, 2 * size + 8)), np.zeros((2, 2 * size + 8))
     encoder, sensor = 2 * size, 2 * size + 4
-    if controller.feedback == "encoder":
+    if controller.feedback == 'encoder':
         position[:, encoder : encoder + 2] = tip
         rate[:, encoder + 2 : encoder + 4] = tip
     else:
@@ -96,7 +109,7 @@ def _jacobian_law(config: RunConfig, arm: LinearArm) -> FloatArray:
         carried = np.outer([-rest * math.sin(angle), rest * math.cos(angle)], [1.0, 1.0])
         position[:, sensor : sensor + 2] = rate[:, sensor + 2 :] = np.eye(2)
         position[:, :2] = rate[:, size : size + 2] = carried
-    if controller.velocity_source == "encoder":
+    if controller.velocity_source == 'encoder':
         rate[:] = 0.0
         rate[:, size : size + 2] = tip
     return np.asarray(-tip.T @ (controller.kp * position + controller.kd * rate))

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Margins of the sampled loop at poses along the trajectory.
 
 All are found on the eigenvalues themselves: a margin is where the largest
@@ -7,17 +21,16 @@ narrower than a step, :data:`GAIN_STEP` or :data:`LATENCY_STEPS`, can be missed.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-
-import numpy as np
+import math
 
 from flexarm_ros.core.kinematics import inverse_kinematics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.stability import SampledLoop
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
-from flexarm_ros.core.trajectory import Side, make_path
+from flexarm_ros.core.trajectory import make_path, Side
+import numpy as np
 
 ROUNDING = 1e-9
 """By how much a modulus may pass 1 from rounding alone (a double root moves by 1e-8.5)."""
@@ -90,7 +103,7 @@ def analyse(
     pose: Pose,
     gain: float | None = None,
     max_latency_s: float = MAX_LATENCY_S,
-    integrator: str = "exact",
+    integrator: str = 'exact',
 ) -> PoseStability:
     """Return stability and margins at ``pose``; ``gain`` takes the place of the law's own.
 
@@ -100,7 +113,7 @@ def analyse(
     loop = SampledLoop(config, pose.theta2, integrator)
     own = loop.gain
     if own <= 0.0:
-        raise ValueError("controller.ks: 0.0, with no gain there is no loop to analyse")
+        raise ValueError('controller.ks: 0.0, with no gain there is no loop to analyse')
     factor = 1.0 if gain is None else gain / own
     values = loop.eigenvalues(factor)
     modulus = float(np.abs(values[0]))

@@ -1,15 +1,28 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Parts of a sampled loop as state-space matrices: the held plant and the delay lines."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from scipy.linalg import expm
-
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.delay import pade2_matrices
 from flexarm_ros.core.modes import LinearArm
+import numpy as np
+from scipy.linalg import expm
 
 
 def hold_matrices(

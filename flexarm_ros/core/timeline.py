@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Time as integer nanoseconds: ticks, stamps and exact conversion of seconds."""
 
 from __future__ import annotations
@@ -22,7 +36,7 @@ def seconds_to_ns(seconds: float) -> int:
     """
     scaled = Fraction(Decimal(repr(float(seconds)))) if _finite(seconds) else None
     if scaled is None or (scaled * NS_PER_S).denominator != 1:
-        raise ValueError(f"{seconds!r} s is not a whole number of nanoseconds")
+        raise ValueError(f'{seconds!r} s is not a whole number of nanoseconds')
     return int(scaled * NS_PER_S)
 
 
@@ -44,14 +58,14 @@ class Timeline:
         Raises ``ValueError``, naming the key, where a time is not a whole
         number of nanoseconds or the duration not a whole number of ticks.
         """
-        period = named_ns("control_period", run.control_period)
-        duration = named_ns("duration", run.duration)
+        period = named_ns('control_period', run.control_period)
+        duration = named_ns('duration', run.duration)
         if period < 1:
-            raise ValueError(f"control_period: {run.control_period!r} s, must be 1 ns or more")
+            raise ValueError(f'control_period: {run.control_period!r} s, must be 1 ns or more')
         if duration < period or duration % period:
             raise ValueError(
-                f"duration: {run.duration!r} s is not a whole number of ticks of "
-                f"{run.control_period!r} s (control_period)"
+                f'duration: {run.duration!r} s is not a whole number of ticks of '
+                f'{run.control_period!r} s (control_period)'
             )
         return cls(period, duration // period)
 
@@ -75,4 +89,4 @@ def named_ns(key: str, seconds: float) -> int:
     try:
         return seconds_to_ns(seconds)
     except ValueError as error:
-        raise ValueError(f"{key}: {error}") from None
+        raise ValueError(f'{key}: {error}') from None

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The commanded motion of the end effector: square, hold and way points.
 
 A trajectory is a path of straight sides, each with its own time.  At a way
@@ -8,13 +22,13 @@ start position, at rest, as the delayed feedback before the start is.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
+import math
 
-from flexarm_ros.core.kinematics import REACH_TOLERANCE, inverse_kinematics, reach, rigid_point
+from flexarm_ros.core.kinematics import inverse_kinematics, reach, REACH_TOLERANCE, rigid_point
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.timeline import NS_PER_S, Timeline, named_ns
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
 
 Vector6 = tuple[float, float, float, float, float, float]
 
@@ -126,19 +140,24 @@ def rest_to_rest(part: float) -> tuple[float, float, float]:
 def make_path(config: RunConfig) -> Path:
     """Return the path of ``config``; ``ValueError`` names the key at fault."""
     parameters = config.trajectory
-    smooth = parameters.time_law == "smooth"
-    if parameters.kind == "square":
+    smooth = parameters.time_law == 'smooth'
+    if parameters.kind == 'square':
         half = 0.5 * parameters.side
-        time_ns = named_ns("trajectory.side_time", parameters.side_time)
+        time_ns = named_ns('trajectory.side_time', parameters.side_time)
         corners = [(-half, -half), (-half, half), (half, half), (half, -half)]
         sides = [
             Side(
-                i * time_ns, time_ns, x, y, corners[(i + 1) % 4][0] - x, corners[(i + 1) % 4][1] - y
+                i * time_ns,
+                time_ns,
+                x,
+                y,
+                corners[(i + 1) % 4][0] - x,
+                corners[(i + 1) % 4][1] - y,
             )
             for i, (x, y) in enumerate(corners)
         ]
         return Path(sides, 4 * time_ns, smooth)
-    if parameters.kind == "hold":
+    if parameters.kind == 'hold':
         x, y = _hold_position(config)
         return Path([Side(0, 1, x, y, 0.0, 0.0)], 0, smooth)
     return Path(_waypoint_sides(config), 0, smooth)
@@ -156,22 +175,27 @@ def _hold_position(config: RunConfig) -> tuple[float, float]:
 def _waypoint_sides(config: RunConfig) -> list[Side]:
     parameters = config.trajectory
     times, xs, ys = parameters.waypoint_times, parameters.waypoint_x, parameters.waypoint_y
-    for name, values in (("waypoint_times", times), ("waypoint_x", xs), ("waypoint_y", ys)):
+    for name, values in (('waypoint_times', times), ('waypoint_x', xs), ('waypoint_y', ys)):
         if values is None:
-            raise ValueError(f"trajectory.{name}: missing, needed by trajectory.kind waypoints")
+            raise ValueError(f'trajectory.{name}: missing, needed by trajectory.kind waypoints')
         if times is not None and len(values) != len(times):
             raise ValueError(
-                f"trajectory.{name}: {len(values)} values, waypoint_times has {len(times)}"
+                f'trajectory.{name}: {len(values)} values, waypoint_times has {len(times)}'
             )
     assert times is not None and xs is not None and ys is not None
-    stamps = [named_ns("trajectory.waypoint_times", t) for t in times]
+    stamps = [named_ns('trajectory.waypoint_times', t) for t in times]
     if stamps[0] != 0 or any(b <= a for a, b in pairwise(stamps)):
-        raise ValueError(f"trajectory.waypoint_times: {list(times)}, must rise from 0")
+        raise ValueError(f'trajectory.waypoint_times: {list(times)}, must rise from 0')
     if len(stamps) == 1:
         return [Side(0, 1, xs[0], ys[0], 0.0, 0.0)]
     return [
         Side(
-            stamps[i], stamps[i + 1] - stamps[i], xs[i], ys[i], xs[i + 1] - xs[i], ys[i + 1] - ys[i]
+            stamps[i],
+            stamps[i + 1] - stamps[i],
+            xs[i],
+            ys[i],
+            xs[i + 1] - xs[i],
+            ys[i + 1] - ys[i],
         )
         for i in range(len(stamps) - 1)
     ]
@@ -184,7 +208,7 @@ class Reference:
         self.path = make_path(config)
         self._period_ns = Timeline.of(config.run).period_ns
         self._delay_ns = 0
-        self.set_delay_ns(named_ns("trajectory.delay", config.trajectory.delay))
+        self.set_delay_ns(named_ns('trajectory.delay', config.trajectory.delay))
         x, y = self.path.at(0)[:2]
         self._start = (x, y, 0.0, 0.0)
 
@@ -203,12 +227,12 @@ class Reference:
     def set_delay_ns(self, delay_ns: int) -> None:
         """Change the delay of the command, from the next tick on."""
         if delay_ns < 0:
-            raise ValueError(f"trajectory.delay: {delay_ns} ns, must be 0 or more")
+            raise ValueError(f'trajectory.delay: {delay_ns} ns, must be 0 or more')
         self._delay_ns = delay_ns
 
     def retune(self, config: RunConfig) -> None:
         """Take the live parameters of ``config`` from the next tick on."""
-        self.set_delay_ns(named_ns("trajectory.delay", config.trajectory.delay))
+        self.set_delay_ns(named_ns('trajectory.delay', config.trajectory.delay))
 
 
 def initial_angles(config: RunConfig) -> tuple[float, float]:
@@ -223,7 +247,7 @@ def initial_angles(config: RunConfig) -> tuple[float, float]:
     try:
         return inverse_kinematics(config.plant.length, x, y)
     except ValueError as error:
-        raise ValueError(f"{_key(config)}: start out of reach, {error}") from None
+        raise ValueError(f'{_key(config)}: start out of reach, {error}') from None
 
 
 def check_reachable(config: RunConfig) -> None:
@@ -252,15 +276,15 @@ def _nearest(side: Side) -> tuple[float, float]:
 
 def _key(config: RunConfig) -> str:
     trajectory = config.trajectory
-    if trajectory.kind == "waypoints":
-        return "trajectory.waypoint_x, waypoint_y"
-    if trajectory.kind == "hold" and trajectory.hold_position is not None:
-        return f"trajectory.hold_position: {list(trajectory.hold_position)}"
-    return f"trajectory.side: {trajectory.side!r}"
+    if trajectory.kind == 'waypoints':
+        return 'trajectory.waypoint_x, waypoint_y'
+    if trajectory.kind == 'hold' and trajectory.hold_position is not None:
+        return f'trajectory.hold_position: {list(trajectory.hold_position)}'
+    return f'trajectory.side: {trajectory.side!r}'
 
 
 def _unreachable(config: RunConfig, x: float, y: float, low: float, high: float) -> str:
     return (
-        f"{_key(config)}: ({x:.6g}, {y:.6g}) m is {math.hypot(x, y):.6g} m from the shoulder, "
-        f"allowed: {low:.6g} to {high:.6g} m"
+        f'{_key(config)}: ({x:.6g}, {y:.6g}) m is {math.hypot(x, y):.6g} m from the shoulder, '
+        f'allowed: {low:.6g} to {high:.6g} m'
     )

@@ -1,12 +1,26 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A simulation in a process of its own: threads would share one interpreter's time."""
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections.abc import Callable
+import multiprocessing
 from multiprocessing.connection import Connection
 from pathlib import Path
+import signal
 from typing import Any
 
 from flexarm_ros.bag.errors import BagError
@@ -24,7 +38,7 @@ def simulate_apart(
     stop: Callable[[], bool],
 ) -> dict[str, Any]:
     """As `flexarm_ros.bag.simulation.simulate`; BagError also where the process dies."""
-    context = multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context('spawn')
     here, there = context.Pipe(duplex=False)
     halt = context.Event()
     process = context.Process(
@@ -39,15 +53,15 @@ def simulate_apart(
             if not here.poll(_LOOK_S):
                 continue
             kind, value = here.recv()
-            if kind == "ticks":
+            if kind == 'ticks':
                 watch(*value)
-            elif kind == "summary":
+            elif kind == 'summary':
                 return dict(value)
             else:
                 raise BagError(value)
     except EOFError:
         process.join()
-        raise BagError(f"simulation: ended with exit status {process.exitcode}") from None
+        raise BagError(f'simulation: ended with exit status {process.exitcode}') from None
     finally:
         here.close()
         process.join(_LOOK_S)
@@ -63,10 +77,10 @@ def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name:
     try:
         summary = simulate(
             config, directory, name,
-            watch=lambda ticks, total: line.send(("ticks", (ticks, total))), stop=halt.is_set,
+            watch=lambda ticks, total: line.send(('ticks', (ticks, total))), stop=halt.is_set,
         )  # fmt: skip
-        line.send(("summary", summary))
+        line.send(('summary', summary))
     except BrokenPipeError:
         return  # the launcher has gone
     except (BagError, OSError, ValueError) as error:
-        line.send(("error", str(error)))
+        line.send(('error', str(error)))

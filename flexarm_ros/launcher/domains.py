@@ -1,14 +1,28 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A ROS_DOMAIN_ID that no other run on this machine uses."""
 
 from __future__ import annotations
 
-import fcntl
-import os
-import socket
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+import fcntl
+import os
 from pathlib import Path
+import socket
+import tempfile
 
 FIRST, LAST = 1, 101
 """Domains whose ports lie below Linux's ephemeral range; 0 is everybody's default."""
@@ -32,12 +46,12 @@ def reserved_domain(wanted: int | None = None) -> Iterator[int]:
     if wanted is not None:
         yield wanted
         return
-    folder = Path(tempfile.gettempdir()) / f"flexarm_ros-{os.getuid()}"
+    folder = Path(tempfile.gettempdir()) / f'flexarm_ros-{os.getuid()}'
     folder.mkdir(mode=0o700, exist_ok=True)
     start = os.getpid() % LAST
     for step in range(LAST - FIRST + 1):
         domain = FIRST + (start + step) % (LAST - FIRST + 1)
-        lock = os.open(folder / f"domain-{domain}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+        lock = os.open(folder / f'domain-{domain}.lock', os.O_RDWR | os.O_CREAT, 0o600)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -49,7 +63,7 @@ def reserved_domain(wanted: int | None = None) -> Iterator[int]:
                 return
         finally:
             os.close(lock)
-    raise NoDomainError(f"no free ROS_DOMAIN_ID between {FIRST} and {LAST}; give one by --domain")
+    raise NoDomainError(f'no free ROS_DOMAIN_ID between {FIRST} and {LAST}; give one by --domain')
 
 
 def _idle(domain: int) -> bool:
@@ -61,7 +75,7 @@ def _idle(domain: int) -> bool:
 def _free(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.bind(("", port))
+            probe.bind(('', port))
         except OSError:
             return False
     return True
@@ -69,5 +83,5 @@ def _free(port: int) -> bool:
 
 def environment_domain() -> int | None:
     """Return the user's own ROS_DOMAIN_ID, None where it is not set."""
-    text = os.environ.get("ROS_DOMAIN_ID", "")
+    text = os.environ.get('ROS_DOMAIN_ID', '')
     return int(text) if text.isdigit() else None

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Faults of a suite's case: done to a node's process at an exact tick.
 
 The plant holds the run before the tick (its parameter ``hold_at``) until the
@@ -6,19 +20,19 @@ fault has been done, so that the same tick is hit every time.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import signal
 import time
-from collections.abc import Sequence
 
-from flexarm_ros.core.timeline import Timeline, seconds_to_ns
+from flexarm_ros.core.timeline import seconds_to_ns, Timeline
 from flexarm_ros.launcher.processes import NodeProcesses
 from flexarm_ros.scenario.suite import Fault
 
 _SIGNALS = {
-    "kill": signal.SIGKILL,
-    "terminate": signal.SIGTERM,
-    "pause": signal.SIGSTOP,
-    "delay": signal.SIGSTOP,
+    'kill': signal.SIGKILL,
+    'terminate': signal.SIGTERM,
+    'pause': signal.SIGSTOP,
+    'delay': signal.SIGSTOP,
 }
 
 
@@ -56,5 +70,5 @@ class FaultPlan:
         if fault.node not in nodes.running:
             return
         nodes.running[fault.node].send_signal(_SIGNALS[fault.action])
-        if fault.action == "delay":
+        if fault.action == 'delay':
             self._resume.append((now + fault.seconds, fault.node))

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Shared memory that killed nodes leave behind, and its removal.
 
 Fast DDS keeps a segment and a port for each participant in ``/dev/shm`` and
@@ -10,15 +24,15 @@ files that nobody holds any more.  Others' files are never touched.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import contextlib
 import fcntl
 import os
-from collections.abc import Iterable
 from pathlib import Path
 
-FOLDER = Path("/dev/shm")
-LOCKS = Path("/proc/locks")
-_PREFIX, _LOCK = "fastdds_", "_el"
+FOLDER = Path('/dev/shm')
+LOCKS = Path('/proc/locks')
+_PREFIX, _LOCK = 'fastdds_', '_el'
 
 
 class Litter:
@@ -49,7 +63,7 @@ class Litter:
         for name in sorted(self.names):
             if in_use(FOLDER / (name + _LOCK)):
                 continue
-            for file in (name, name + _LOCK, f"sem.{name}_mutex"):
+            for file in (name, name + _LOCK, f'sem.{name}_mutex'):
                 with contextlib.suppress(OSError):
                     os.unlink(FOLDER / file)
                     gone.append(file)
@@ -60,10 +74,10 @@ class Litter:
 def _inodes_locked_by(pids: set[int]) -> set[int]:
     """Return the inodes of the files that ``pids`` hold a ``flock`` on."""
     found = set()
-    for line in LOCKS.read_text(encoding="ascii", errors="replace").splitlines():
+    for line in LOCKS.read_text(encoding='ascii', errors='replace').splitlines():
         words = line.split()
-        if len(words) >= 6 and words[1] == "FLOCK" and words[4].isdigit():
-            inode = words[5].rpartition(":")[2]
+        if len(words) >= 6 and words[1] == 'FLOCK' and words[4].isdigit():
+            inode = words[5].rpartition(':')[2]
             if int(words[4]) in pids and inode.isdigit():
                 found.add(int(inode))
     return found

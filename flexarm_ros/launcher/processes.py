@@ -1,19 +1,33 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The node processes of one run: start, watch, end, and who was to blame."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 import contextlib
+from dataclasses import dataclass, field
 import json
 import math
 import os
+from pathlib import Path
 import select
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -33,29 +47,29 @@ class Report:
     tick: int = 0
     held: int = 0
     """Tick before which the plant was last told to hold."""
-    directory: str = ""
+    directory: str = ''
     started_at: float | None = None
     ended_at: float | None = None
     held_at: int | None = None
-    unstable: str = ""
+    unstable: str = ''
     unstable_tick: int = -1
     failures: list[dict[str, Any]] = field(default_factory=list)
     done: set[str] = field(default_factory=set)
 
     def take(self, line: dict[str, Any]) -> None:
         """Add one line of a node."""
-        phase, role = line.get("phase"), line.get("role", "")
-        if role == "recorder" and "tick" in line:
-            self.tick, self.ended_at = int(line["tick"]), float(line["at"])
-        if role == "plant" and phase == "running":
-            self.started_at = float(line["at"])
-        if phase == "held":
-            self.held_at = self.held = int(line["tick"])
-        if phase == "unstable":
-            self.unstable, self.unstable_tick = line["text"], int(line["tick"])
-        if phase == "failed":
+        phase, role = line.get('phase'), line.get('role', '')
+        if role == 'recorder' and 'tick' in line:
+            self.tick, self.ended_at = int(line['tick']), float(line['at'])
+        if role == 'plant' and phase == 'running':
+            self.started_at = float(line['at'])
+        if phase == 'held':
+            self.held_at = self.held = int(line['tick'])
+        if phase == 'unstable':
+            self.unstable, self.unstable_tick = line['text'], int(line['tick'])
+        if phase == 'failed':
             self.failures.append(line)
-        if phase == "done":
+        if phase == 'done':
             self.done.add(role)
 
 
@@ -74,7 +88,7 @@ class NodeProcesses:
         self._logs = logs
         self._litter = Litter()
         self._noted_at = 0.0
-        self._buffer = b""
+        self._buffer = b''
         self._read, write = os.pipe()
         alive_read, self._alive = os.pipe()
         os.set_blocking(self._read, False)
@@ -89,7 +103,7 @@ class NodeProcesses:
         logs.mkdir(parents=True, exist_ok=True)
         try:
             for name, command in commands.items():
-                with open(logs / f"{name}.log", "wb") as log:
+                with open(logs / f'{name}.log', 'wb') as log:
                     # In a directory of our own: Python imports from the one it is started in,
                     # and Fast DDS reads its settings there; the user's may be a stranger's.
                     self.running[name] = subprocess.Popen(
@@ -98,7 +112,7 @@ class NodeProcesses:
                         start_new_session=True,
                     )  # fmt: skip
             for name, command in foreign.items():
-                self.running[name] = _start_foreign(command, env, logs / f"{name}.log")
+                self.running[name] = _start_foreign(command, env, logs / f'{name}.log')
         except BaseException:
             self.kill()
             raise
@@ -128,11 +142,11 @@ class NodeProcesses:
             del self.running[name]
             self._take_reports()
             self.exits[name] = status
-            told = {line["role"] for line in self.report.failures} | self.report.done
-            expected = bool(told) if name == "compose" else self._ending or name in told
+            told = {line['role'] for line in self.report.failures} | self.report.done
+            expected = bool(told) if name == 'compose' else self._ending or name in told
             if not expected:
                 self.deaths.append((name, status))
-        if "plant" in self.report.done and not self._ending:
+        if 'plant' in self.report.done and not self._ending:
             # Somebody else's nodes may leave behind the last tick.
             self.deaths = [death for death in self.deaths if death[0] not in self.foreign]
 
@@ -151,7 +165,7 @@ class NodeProcesses:
                 time.sleep(0.01)  # every writer has gone: select would return at once
                 break
             self._buffer += data
-        *lines, self._buffer = self._buffer.split(b"\n")
+        *lines, self._buffer = self._buffer.split(b'\n')
         for line in lines:
             with contextlib.suppress(ValueError, KeyError, TypeError):
                 self.report.take(json.loads(line))
@@ -164,14 +178,14 @@ class NodeProcesses:
     def release(self) -> None:
         """Let a plant that waits at a held tick go on."""
         self.report.held_at = None
-        if "plant" in self.running:
-            self.running["plant"].send_signal(signal.SIGUSR1)
+        if 'plant' in self.running:
+            self.running['plant'].send_signal(signal.SIGUSR1)
 
     def interrupt_run(self, times: int = 1) -> None:
         """Ask the plant to end the run in good order; without a run or a plant, everybody."""
         self._ending = True
         self._heard = self._heard or len(self.report.failures)
-        for name in ("plant", "compose"):
+        for name in ('plant', 'compose'):
             if name in self.running and self.report.started_at is not None:
                 for _ in range(times):
                     self.running[name].send_signal(signal.SIGINT)
@@ -214,50 +228,50 @@ class NodeProcesses:
             return self._obituary(*self.deaths[0])
         heard = self.report.failures[: self._heard or None]
         if interrupted:
-            heard = [line for line in heard if not line["text"].startswith(INTERRUPTED)]
-        verdicts = [line for line in heard if line.get("blame")]
+            heard = [line for line in heard if not line['text'].startswith(INTERRUPTED)]
+        verdicts = [line for line in heard if line.get('blame')]
         if verdicts:
             first = min(verdicts, key=_nearness)
-            return f"{first['blame']}: {first['text']}"
+            return f'{first["blame"]}: {first["text"]}'
         if heard:
-            return f"{heard[0]['role']}: {heard[0]['text']}"
-        return INTERRUPTED if interrupted else ""
+            return f'{heard[0]["role"]}: {heard[0]["text"]}'
+        return INTERRUPTED if interrupted else ''
 
     def _obituary(self, name: str, status: int) -> str:
         """Say when and how a node ended that should not have."""
         begun = self.report.started_at is not None
         tick = max(self.report.tick, self.report.held)  # the recorder reports late
-        when = f"tick {tick}: ended" if begun else "start: ended"
+        when = f'tick {tick}: ended' if begun else 'start: ended'
         if status < 0:
-            return f"{name}: {when}, killed by {signal.Signals(-status).name}"
-        return f"{name}: {when} with exit status {status}{self._last_words(name)}"
+            return f'{name}: {when}, killed by {signal.Signals(-status).name}'
+        return f'{name}: {when} with exit status {status}{self._last_words(name)}'
 
     def _last_words(self, name: str) -> str:
         """Return the last line of a node's log, where there is one."""
         try:
-            with open(self._logs / f"{name}.log", "rb") as log:
+            with open(self._logs / f'{name}.log', 'rb') as log:
                 log.seek(max(0, os.fstat(log.fileno()).st_size - 2000))
-                lines = log.read().decode(errors="replace").split("\n")
+                lines = log.read().decode(errors='replace').split('\n')
         except OSError:
-            return ""
+            return ''
         said = [line.strip() for line in lines if line.strip()]
-        return f": {said[-1][:300]}" if said else ""
+        return f': {said[-1][:300]}' if said else ''
 
 
 def _nearness(line: dict[str, Any]) -> int:
     """Order verdicts: the controller knows its sensors, the plant the controller."""
-    order = ("controller", "plant", "recorder", "trajectory", "encoder", "tip_sensor")
-    return order.index(line["role"]) if line["role"] in order else len(order)
+    order = ('controller', 'plant', 'recorder', 'trajectory', 'encoder', 'tip_sensor')
+    return order.index(line['role']) if line['role'] in order else len(order)
 
 
 def _start_foreign(
     command: Sequence[str], env: Mapping[str, str], log_file: Path
 ) -> subprocess.Popen[bytes]:
     """Start somebody else's node: where and with what Python path the user stands."""
-    env = {key: value for key, value in env.items() if key != "PYTHONPATH"}
-    if "PYTHONPATH" in os.environ:
-        env["PYTHONPATH"] = os.environ["PYTHONPATH"]
-    with open(log_file, "wb") as log:
+    env = {key: value for key, value in env.items() if key != 'PYTHONPATH'}
+    if 'PYTHONPATH' in os.environ:
+        env['PYTHONPATH'] = os.environ['PYTHONPATH']
+    with open(log_file, 'wb') as log:
         return subprocess.Popen(
             command, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
             start_new_session=True,
@@ -266,5 +280,5 @@ def _start_foreign(
 
 def node_command(role: str, arguments: list[str], composed: Sequence[str] = ()) -> list[str]:
     """Return the command line of a node process, or of one that is ``composed`` of several."""
-    command = [sys.executable, "-m", "flexarm_ros.nodes", role, *composed]
-    return [*command, "--ros-args", *arguments]
+    command = [sys.executable, '-m', 'flexarm_ros.nodes', role, *composed]
+    return [*command, '--ros-args', *arguments]

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Pytest plugin: fly scenarios and suites from a test, with nodes of your own in the loop.
 
 It is there wherever this package is installed (entry point ``pytest11``), and
@@ -6,12 +20,12 @@ costs nothing until a test asks for one of its fixtures.  See docs/testing.md.
 
 from __future__ import annotations
 
-import importlib.util
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+import importlib.util
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 import pytest
 
@@ -38,7 +52,7 @@ class Flight:
     @property
     def stable(self) -> bool:
         """Whether the run came to its end within the arm's bounds."""
-        return self.summary.get("stable") is True and not self.problem
+        return self.summary.get('stable') is True and not self.problem
 
     def __getitem__(self, metric: str) -> Any:
         return self.summary[metric]
@@ -48,14 +62,14 @@ class Flight:
         """The columns of ``trajectory.csv``: one value a tick, shape ``(ticks,)``."""
         import numpy as np
 
-        with open(self.directory / "trajectory.csv", encoding="ascii") as file:
-            names = file.readline().strip().split(",")
-            table = np.loadtxt(file, delimiter=",", ndmin=2)
+        with open(self.directory / 'trajectory.csv', encoding='ascii') as file:
+            names = file.readline().strip().split(',')
+            table = np.loadtxt(file, delimiter=',', ndmin=2)
         return dict(zip(names, table.reshape(-1, len(names)).T, strict=True))
 
     def log(self, node: str) -> str:
         """Return what a node has printed."""
-        return (self.directory / "logs" / f"{node}.log").read_text(errors="replace")
+        return (self.directory / 'logs' / f'{node}.log').read_text(errors='replace')
 
     def verify(self) -> Verdict:
         """Compute every message of our nodes anew, as ``flexarm verify`` does."""
@@ -81,12 +95,12 @@ def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
         settings: Mapping[str, Any] | None = None,
         *,
         nodes: Mapping[str, Command] | None = None,
-        mode: str = "run",
+        mode: str = 'run',
     ) -> Flight:
         nonlocal count
         count += 1
-        flight = _fly(scenario, settings or {}, _words(nodes), mode, tmp_path / f"flight-{count}")
-        print(f"flexarm: {scenario}: {flight.problem or 'flown'}; see {flight.directory}")
+        flight = _fly(scenario, settings or {}, _words(nodes), mode, tmp_path / f'flight-{count}')
+        print(f'flexarm: {scenario}: {flight.problem or "flown"}; see {flight.directory}')
         return flight
 
     return fly
@@ -108,11 +122,11 @@ def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
 
         loaded, words = load(suite), _words(nodes)
         check_commands(words)
-        if any(case.mode != "simulate" for case in loaded.cases):
+        if any(case.mode != 'simulate' for case in loaded.cases):
             _need_ros()
         out = tmp_path / loaded.name
         result = run_suite(loaded, out, jobs or default_jobs(loaded), nodes=words)
-        print(f"flexarm: {suite}: {'passes' if result.passed else 'fails'}; see {out}")
+        print(f'flexarm: {suite}: {"passes" if result.passed else "fails"}; see {out}')
         return result
 
     return fly
@@ -127,21 +141,21 @@ def _fly(
 ) -> Flight:
     from flexarm_ros import scenario
 
-    config = scenario.load(name, [f"{key}={json.dumps(value)}" for key, value in settings.items()])
+    config = scenario.load(name, [f'{key}={json.dumps(value)}' for key, value in settings.items()])
     stem = Path(name).stem
-    if mode == "simulate":
+    if mode == 'simulate':
         if nodes:
             raise ValueError("mode 'simulate' has no place for nodes; use mode 'run'")
         from flexarm_ros.bag.simulation import simulate
 
         summary = simulate(config, directory, stem)
-        return Flight(directory, summary, str(summary.get("problem") or ""))
-    if mode not in ("run", "compose"):
-        raise ValueError(f"mode {mode!r} is not allowed: run, compose or simulate")
+        return Flight(directory, summary, str(summary.get('problem') or ''))
+    if mode not in ('run', 'compose'):
+        raise ValueError(f'mode {mode!r} is not allowed: run, compose or simulate')
     _need_ros()
-    from flexarm_ros.launcher.run import RunOptions, run_scenario
+    from flexarm_ros.launcher.run import run_scenario, RunOptions
 
-    options = RunOptions(compose=mode == "compose", nodes=nodes)
+    options = RunOptions(compose=mode == 'compose', nodes=nodes)
     outcome = run_scenario(config, stem, directory, options)
     return Flight(directory, outcome.summary, outcome.problem)
 
@@ -151,5 +165,5 @@ def _words(nodes: Mapping[str, Command] | None) -> dict[str, list[str]]:
 
 
 def _need_ros() -> None:
-    if importlib.util.find_spec("rclpy") is None:
+    if importlib.util.find_spec('rclpy') is None:
         pytest.fail("rclpy is not installed or not sourced; mode='simulate' needs no ROS")

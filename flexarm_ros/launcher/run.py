@@ -1,16 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """One run: reserve a domain, start the nodes, watch them, finish the files."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 import errno
 import json
 import os
+from pathlib import Path
 import shutil
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
@@ -19,10 +33,10 @@ from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
-from flexarm_ros.launcher.processes import END_GRACE_S, NodeProcesses, node_command
+from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProcesses
 
-ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
-REPLACEABLE = ("encoder", "tip_sensor", "trajectory", "controller")
+ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
+REPLACEABLE = ('encoder', 'tip_sensor', 'trajectory', 'controller')
 """Roles whose place a node of the user's can take."""
 
 LEAVING_S = 5.0
@@ -44,7 +58,7 @@ class RunOptions:
     domain: int | None = None
     without: tuple[str, ...] = ()
     nodes: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    discovery: str = "LOCALHOST"
+    discovery: str = 'LOCALHOST'
 
 
 @dataclass
@@ -53,13 +67,13 @@ class Outcome:
 
     directory: Path
     summary: dict[str, object] = field(default_factory=dict)
-    problem: str = ""
+    problem: str = ''
     interrupted: bool = False
 
     @property
     def stable(self) -> bool:
         """Whether the arm stayed within its bounds."""
-        return bool(self.summary.get("stable"))
+        return bool(self.summary.get('stable'))
 
 
 Watch = Callable[[int, int], None]
@@ -85,11 +99,11 @@ def run_scenario(
     check_commands(options.nodes)
     with reserved_domain(options.domain) as domain:
         prepare_directory(directory, config, name)
-        announce(f"ROS_DOMAIN_ID={domain}")
+        announce(f'ROS_DOMAIN_ID={domain}')
         warm_up(config)
         commands = _commands(config, name, directory, options, faults)
         outcome = Outcome(directory)
-        environment, logs = _environment(domain, options), directory / "logs"
+        environment, logs = _environment(domain, options), directory / 'logs'
         with NodeProcesses(commands, environment, logs, options.nodes) as nodes:
             outcome.interrupted = _supervise(nodes, config, watch, stop, faults)
             outcome.problem = nodes.blame(outcome.interrupted)
@@ -97,14 +111,14 @@ def run_scenario(
     started, ended = report.started_at, report.ended_at
     wall_s = ended - started if started is not None and ended is not None else None
     if report.unstable:
-        outcome.problem = f"unstable at tick {report.unstable_tick}: {report.unstable}"
+        outcome.problem = f'unstable at tick {report.unstable_tick}: {report.unstable}'
     try:
         outcome.summary = finish_run(
             directory, config, name, wall_s=wall_s, problem=outcome.problem,
             unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
         )  # fmt: skip
     except BagError as error:  # a full disk, say: why the run ended is told nevertheless
-        raise BagError("; ".join(filter(None, (outcome.problem, str(error))))) from None
+        raise BagError('; '.join(filter(None, (outcome.problem, str(error))))) from None
     return outcome
 
 
@@ -112,38 +126,38 @@ def check_commands(nodes: Mapping[str, Sequence[str]]) -> None:
     """See that the commands of somebody else's nodes can be started; FileNotFoundError if not."""
     for role, words in nodes.items():
         if role not in REPLACEABLE:
-            raise ValueError(f"{role}: not a node to replace: {', '.join(REPLACEABLE)}")
+            raise ValueError(f'{role}: not a node to replace: {", ".join(REPLACEABLE)}')
         if not words or shutil.which(words[0]) is None:
-            name = words[0] if words else ""
-            raise FileNotFoundError(errno.ENOENT, f"{role}: no such command", name)
+            name = words[0] if words else ''
+            raise FileNotFoundError(errno.ENOENT, f'{role}: no such command', name)
 
 
 def _commands(
     config: RunConfig, name: str, directory: Path, options: RunOptions, faults: FaultPlan | None
 ) -> dict[str, list[str]]:
     """Write the normalised scenario and return the command line of each process."""
-    torques = directory / "torques.csv"
+    torques = directory / 'torques.csv'
     if config.torques:
-        torques.write_text(scenario.write_torques(config.torques), encoding="utf-8")
-    resolved = directory / "scenario.yaml"
+        torques.write_text(scenario.write_torques(config.torques), encoding='utf-8')
+    resolved = directory / 'scenario.yaml'
     resolved.write_text(
-        scenario.dump(config, str(torques.resolve()) if config.torques else None), encoding="utf-8"
+        scenario.dump(config, str(torques.resolve()) if config.torques else None), encoding='utf-8'
     )
-    arguments = ["--params-file", str(resolved.resolve())]
-    pace = [f"plant:real_time_factor:={float(options.rtf)!r}"] if options.rtf else []
+    arguments = ['--params-file', str(resolved.resolve())]
+    pace = [f'plant:real_time_factor:={float(options.rtf)!r}'] if options.rtf else []
     if faults is not None and faults.ticks:
-        pace.append("plant:hold_at:='" + ",".join(map(str, faults.ticks)) + "'")
+        pace.append("plant:hold_at:='" + ','.join(map(str, faults.ticks)) + "'")
     own = {
-        "plant": pace,
-        "recorder": [
-            f"recorder:output:={quoted(str(directory.resolve()))}",
-            f"recorder:name:={quoted(name)}",
+        'plant': pace,
+        'recorder': [
+            f'recorder:output:={quoted(str(directory.resolve()))}',
+            f'recorder:name:={quoted(name)}',
         ],
     }
     roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
     if options.compose:
         every = [value for role in roles for value in own.get(role, [])]
-        return {"compose": node_command("compose", arguments + _overrides(every), roles)}
+        return {'compose': node_command('compose', arguments + _overrides(every), roles)}
     return {role: node_command(role, arguments + _overrides(own.get(role, []))) for role in roles}
 
 
@@ -153,15 +167,15 @@ def quoted(text: str) -> str:
 
 
 def _overrides(values: list[str]) -> list[str]:
-    return [word for value in values for word in ("-p", value)]
+    return [word for value in values for word in ('-p', value)]
 
 
 def _environment(domain: int, options: RunOptions) -> dict[str, str]:
     return {
         **os.environ,
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": options.discovery,
-        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+        'ROS_DOMAIN_ID': str(domain),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': options.discovery,
+        'PYTHONPATH': os.pathsep.join(p for p in sys.path if p),
     }
 
 
@@ -191,7 +205,7 @@ def _supervise(
             nodes.interrupt_run(times=2)
             nodes.end(max(END_GRACE_S, config.run.tick_timeout))
             return False
-        if "plant" in nodes.report.done:
+        if 'plant' in nodes.report.done:
             leaving.check(nodes)
     watch(nodes.report.tick, total)
     nodes.end(0.0)  # somebody else's nodes need not know that the run is over
@@ -213,6 +227,6 @@ class _Leaving:
         if state != self._state:
             self._state, self._since = state, now
         elif now - self._since > self._limit_s:
-            late = ", ".join(nodes.ours)
-            text = f"tick {nodes.report.tick}: did not leave within {self._limit_s:g} s of the end"
-            nodes.report.failures.append({"role": late, "blame": late, "text": text})
+            late = ', '.join(nodes.ours)
+            text = f'tick {nodes.report.tick}: did not leave within {self._limit_s:g} s of the end'
+            nodes.report.failures.append({'role': late, 'blame': late, 'text': text})

@@ -1,15 +1,29 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Running a suite: every case in its own domain and processes, then the comparisons."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed, ThreadPoolExecutor
+from dataclasses import dataclass, field
 import os
+from pathlib import Path
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -18,14 +32,14 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.launcher.apart import simulate_apart
 from flexarm_ros.launcher.domains import NoDomainError
 from flexarm_ros.launcher.faults import FaultPlan
-from flexarm_ros.launcher.run import RunOptions, run_scenario
+from flexarm_ros.launcher.run import run_scenario, RunOptions
 from flexarm_ros.scenario.expect import Outcome
 from flexarm_ros.scenario.suite import Case, Suite
 
 CORES_PER_RUN = 2
 """A distributed run keeps about two cores busy; more side by side only slow one another."""
 
-NOT_STARTED = "not started"
+NOT_STARTED = 'not started'
 
 
 @dataclass
@@ -46,7 +60,7 @@ class CaseResult:
     @property
     def not_started(self) -> bool:
         """Whether the suite was ended before this case had its turn."""
-        return self.metrics.get("error") == NOT_STARTED
+        return self.metrics.get('error') == NOT_STARTED
 
 
 @dataclass
@@ -70,26 +84,26 @@ class SuiteResult:
 
     def failures(self) -> list[str]:
         """Return a line for each case, comparison and claim that fails; none: it passes."""
-        found = [f"{case.case.name}: {NOT_STARTED}" for case in self.cases if case.not_started]
+        found = [f'{case.case.name}: {NOT_STARTED}' for case in self.cases if case.not_started]
         found += [
-            f"{case.case.name}: {outcome.text}"
+            f'{case.case.name}: {outcome.text}'
             for case in self.cases
             for outcome in case.outcomes
             if not outcome.holds
         ]
         found += [outcome.text for outcome in self.comparisons if not outcome.holds]
-        return found + [f"{text}: {verdict}" for text, verdict, failed, _ in self.claims if failed]
+        return found + [f'{text}: {verdict}' for text, verdict, failed, _ in self.claims if failed]
 
 
 def case_directory(out: Path, name: str) -> Path:
     """Return a case's directory; characters that a file name should not have become ``_``."""
-    return out / re.sub(r"[^A-Za-z0-9._=,\[\]-]", "_", name)
+    return out / re.sub(r'[^A-Za-z0-9._=,\[\]-]', '_', name)
 
 
 def default_jobs(suite: Suite) -> int:
     """Return how many cases run side by side on this machine."""
     cores = os.cpu_count() or 1
-    light = all(case.mode == "simulate" for case in suite.cases)
+    light = all(case.mode == 'simulate' for case in suite.cases)
     return max(1, cores if light else cores // CORES_PER_RUN)
 
 
@@ -111,7 +125,9 @@ def run_suite(
     stopping = threading.Event()
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         halted = lambda: stopping.is_set() or stop()  # noqa: E731
-        futures = {pool.submit(_fly, case, out, nodes, watch, halted): case for case in suite.cases}
+        futures = {
+            pool.submit(_fly, case, out, nodes, watch, halted): case for case in suite.cases
+        }
         try:
             for future in as_completed(futures):
                 results[futures[future].name] = future.result()
@@ -141,19 +157,19 @@ def _fly(
     """Fly one case; whatever goes wrong is its result, not the suite's end."""
     result = CaseResult(case, case_directory(out, case.name))
     if stop():
-        result.metrics = {"status": 130, "error": NOT_STARTED, "complete": False}
+        result.metrics = {'status': 130, 'error': NOT_STARTED, 'complete': False}
         result.outcomes = case.check(result.metrics)
         return result
     start = time.monotonic()
-    watch(case, "starting")
+    watch(case, 'starting')
     try:
         summary, error, status = _run_case(case, result.directory, nodes, watch, stop)
     except (BagError, NoDomainError, OSError, ValueError) as problem:
         summary, error, status = {}, str(problem), 1
     result.wall_s = time.monotonic() - start
-    result.metrics = {**summary, "status": status, "error": error}
+    result.metrics = {**summary, 'status': status, 'error': error}
     result.outcomes = case.check(result.metrics)
-    watch(case, "passed" if result.passed else "FAILED")
+    watch(case, 'passed' if result.passed else 'FAILED')
     return result
 
 
@@ -167,13 +183,13 @@ def _run_case(
     """Return the summary, the text that the run ended with, and its exit status."""
 
     def progress(ticks: int, total: int) -> None:
-        watch(case, f"{100 * ticks // max(1, total)} %")
+        watch(case, f'{100 * ticks // max(1, total)} %')
 
-    if case.mode == "simulate":
+    if case.mode == 'simulate':
         summary = simulate_apart(case.config, directory, case.name, progress, stop)
-        return summary, str(summary.get("problem") or ""), 0 if summary.get("stable") else 1
+        return summary, str(summary.get('problem') or ''), 0 if summary.get('stable') else 1
     plan = FaultPlan(case.faults, Timeline.of(case.config.run)) if case.faults else None
-    options = RunOptions(compose=case.mode == "compose", nodes=nodes)
+    options = RunOptions(compose=case.mode == 'compose', nodes=nodes)
     outcome = run_scenario(
         case.config, case.name, directory, options,
         watch=progress, stop=stop, faults=plan,

@@ -1,14 +1,28 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How the nodes of a run come to one scenario: each tells its section, each merges all."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
+import json
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.parameters import SECTIONS, RunConfig, RunParameters
+from flexarm_ros.core.parameters import RunConfig, RunParameters, SECTIONS
 
 
 class Disagreement(ValueError):
@@ -17,7 +31,7 @@ class Disagreement(ValueError):
 
 def dump_sections(config: RunConfig, role: str) -> str:
     """Return the common section and that of ``role`` as JSON (floats read back exactly)."""
-    return json.dumps({"run": asdict(config.run), role: asdict(getattr(config, role))})
+    return json.dumps({'run': asdict(config.run), role: asdict(getattr(config, role))})
 
 
 def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
@@ -33,14 +47,14 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
             continue
         try:
             sections = json.loads(text)
-            common = _section(RunParameters, sections["run"])
+            common = _section(RunParameters, sections['run'])
             held = _section(SECTIONS[role], sections[role])
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-            raise Disagreement(f"{node} tells no parameters of a {role}") from None
+            raise Disagreement(f'{node} tells no parameters of a {role}') from None
         for item in fields(RunParameters):
             here, there = getattr(own.run, item.name), getattr(common, item.name)
             if here != there:
-                raise Disagreement(f"/**.{item.name} is {here!r} here and {there!r} in {node}")
+                raise Disagreement(f'/**.{item.name} is {here!r} here and {there!r} in {node}')
         merged[role] = held
     return _checked(replace(own, **merged))
 
@@ -52,13 +66,13 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
     travel in no status: the law then counts as one without lambda.
     """
     try:
-        common = _section(RunParameters, json.loads(told["plant"][1])["run"])
-        law = json.loads(told["controller"][1]) if "controller" in told else {}
-        if law and law["controller"]["law"] == "open_loop":
-            law["controller"].update(law="pd", torque_file=None)
-            told = {**told, "controller": (told["controller"][0], json.dumps(law))}
+        common = _section(RunParameters, json.loads(told['plant'][1])['run'])
+        law = json.loads(told['controller'][1]) if 'controller' in told else {}
+        if law and law['controller']['law'] == 'open_loop':
+            law['controller'].update(law='pd', torque_file=None)
+            told = {**told, 'controller': (told['controller'][0], json.dumps(law))}
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-        raise Disagreement("what the nodes tell is no scenario") from None
+        raise Disagreement('what the nodes tell is no scenario') from None
     return merge_sections(replace(own, run=common), told)
 
 

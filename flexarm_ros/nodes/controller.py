@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``controller``: the control law."""
 
 from __future__ import annotations
@@ -5,7 +19,7 @@ from __future__ import annotations
 import copy
 from typing import ClassVar
 
-from flexarm_ros.core.control import Sample, make_law
+from flexarm_ros.core.control import make_law, Sample
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.participant import Participant
 
@@ -13,16 +27,16 @@ from flexarm_ros.nodes.participant import Participant
 class ControllerNode(Participant):
     """Answers each tick with the torque, when it has every input of that tick."""
 
-    ROLE: ClassVar[str] = "controller"
+    ROLE: ClassVar[str] = 'controller'
 
     def build(self) -> None:
         """Make the law."""
         self._law = make_law(self.config)
-        self._tip = self.inputs["tip_sensor/odometry"]
-        self._encoder = self.inputs["joint_states"]
-        self._state = self.inputs["plant/state"]
-        self._reference = self.inputs["reference"]
-        self._torque = self.outputs["joint_command"]
+        self._tip = self.inputs['tip_sensor/odometry']
+        self._encoder = self.inputs['joint_states']
+        self._state = self.inputs['plant/state']
+        self._reference = self.inputs['reference']
+        self._torque = self.outputs['joint_command']
         self._n = 2 + 2 * self.config.plant.modes
 
     def rehearse(self) -> None:
@@ -54,12 +68,12 @@ class ControllerNode(Participant):
     def waiting_for(self) -> tuple[str, str]:
         """Blame the plant where there is no state, else the sensor that is silent."""
         if not self._state.fetch(self.tick):
-            return "plant", "no message on plant/state"
+            return 'plant', 'no message on plant/state'
         # Tried in turn: the one that is missing keeps the others from being fetched.
         for entry in self.inputs.values():
             if not entry.fetch(self.tick):
-                return entry.source, f"no message on {entry.topic.name}"
-        return "", ""
+                return entry.source, f'no message on {entry.topic.name}'
+        return '', ''
 
     def patience_s(self) -> float:
         """Speak first: this node knows which sensor is silent."""

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``/diagnostics``: how each participant of a run is doing, once a second of wall time.
 
 Every node reports on itself, from the thread that serves parameters, so that
@@ -12,16 +26,15 @@ import time
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.status import Phase
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
-TOPIC = "/diagnostics"
+TOPIC = '/diagnostics'
 """Absolute, as everywhere in ROS 2: the status' name says whose it is."""
 
 PERIOD_S = 1.0
@@ -46,19 +59,19 @@ class Diagnostics:
 
     def _status(self) -> DiagnosticStatus:
         me = self._me
-        values = {**self._progress(), "rejected messages": str(me.invalid)}
+        values = {**self._progress(), 'rejected messages': str(me.invalid)}
         phase, waits = me.board.mine.phase, me.missing
-        values["missing"] = waits
-        if me.ROLE == "plant":
+        values['missing'] = waits
+        if me.ROLE == 'plant':
             values.update(self._participants())
         level = DiagnosticStatus.ERROR if phase in _BAD or me.failed_run else DiagnosticStatus.OK
         if level == DiagnosticStatus.OK and (waits or me.invalid):
             level = DiagnosticStatus.WARN
         return DiagnosticStatus(
             level=level,
-            name=f"{me.get_fully_qualified_name()}: lock-step",
+            name=f'{me.get_fully_qualified_name()}: lock-step',
             message=waits or me.board.mine.text,
-            hardware_id="flexarm_ros",
+            hardware_id='flexarm_ros',
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
 
@@ -72,12 +85,12 @@ class Diagnostics:
         longest, me.longest_wait_s = me.longest_wait_s, 0.0
         factor = ticks * timeline.period_ns * 1e-9 / elapsed if elapsed > 0.0 else 0.0
         return {
-            "phase": me.board.mine.phase.value,
-            "tick": str(tick),
-            "ticks of the run": str(timeline.ticks),
-            "real-time factor": f"{factor:.3f}",
-            "tick latency mean (ms)": f"{1e3 * elapsed / ticks:.3f}" if ticks else "",
-            "longest wait (ms)": f"{1e3 * longest:.3f}",
+            'phase': me.board.mine.phase.value,
+            'tick': str(tick),
+            'ticks of the run': str(timeline.ticks),
+            'real-time factor': f'{factor:.3f}',
+            'tick latency mean (ms)': f'{1e3 * elapsed / ticks:.3f}' if ticks else '',
+            'longest wait (ms)': f'{1e3 * longest:.3f}',
         }
 
     def _participants(self) -> dict[str, str]:
@@ -86,8 +99,8 @@ class Diagnostics:
         found = {}
         for role in membership.required():
             status = membership.status_of(role)
-            state = "somebody else's node" if role in membership.foreign else "missing"
+            state = "somebody else's node" if role in membership.foreign else 'missing'
             if status is not None:
-                state = f"{status.phase.value} ({status.node})"
-            found[f"participant {role}"] = state
+                state = f'{status.phase.value} ({status.node})'
+            found[f'participant {role}'] = state
         return found

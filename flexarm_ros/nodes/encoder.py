@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``encoder``: joint angles and rates as the joint encoders deliver them."""
 
 from __future__ import annotations
@@ -13,13 +27,13 @@ from flexarm_ros.nodes.participant import Participant
 class EncoderNode(Participant):
     """Answers each plant state with the measured angles, late by the latency."""
 
-    ROLE: ClassVar[str] = "encoder"
+    ROLE: ClassVar[str] = 'encoder'
 
     def build(self) -> None:
         """Make the encoder."""
         self._encoder = Encoder(self.config)
-        self._state = self.inputs["plant/state"]
-        self._measured = self.outputs["joint_states"]
+        self._state = self.inputs['plant/state']
+        self._measured = self.outputs['joint_states']
         self._n = 2 + 2 * self.config.plant.modes
 
     def rehearse(self) -> None:

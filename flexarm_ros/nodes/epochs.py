@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Starting a run again in the same graph: every node at tick 0, no old message taken.
 
 The plant announces a new epoch by its status.  Each node then delivers what it
@@ -15,12 +29,12 @@ from flexarm_ros.nodes.status import Phase, Status
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
-_KEY = "epoch"
+_KEY = 'epoch'
 
 
 def epoch_of(status: Status | None) -> int:
     """Return the epoch that a participant is in."""
-    return int(status.extra.get(_KEY, "0")) if status is not None else 0
+    return int(status.extra.get(_KEY, '0')) if status is not None else 0
 
 
 class Epochs:
@@ -36,7 +50,7 @@ class Epochs:
 
     def announced(self) -> bool:
         """Whether the plant is in a later epoch than this node."""
-        return epoch_of(self._me.membership.status_of("plant")) > self.number
+        return epoch_of(self._me.membership.status_of('plant')) > self.number
 
     def begin(self, number: int) -> None:
         """Leave the old epoch: deliver, rebuild, say so."""

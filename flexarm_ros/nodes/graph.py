@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Who reads what: the node graph of a run.
 
 The per-tick topics themselves, with their types and publishers, are in
@@ -9,42 +23,41 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from flexarm_ros.bag.topics import Qos, Topic
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from flexarm_ros.bag.topics import Qos, Topic
-
-ROLES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
+ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 """Participants of a run; a missing one keeps the others waiting."""
 
 OUTPUT = {
-    "plant": "plant/state",
-    "encoder": "joint_states",
-    "tip_sensor": "tip_sensor/odometry",
-    "trajectory": "reference",
-    "controller": "joint_command",
+    'plant': 'plant/state',
+    'encoder': 'joint_states',
+    'tip_sensor': 'tip_sensor/odometry',
+    'trajectory': 'reference',
+    'controller': 'joint_command',
 }
 """The topic by which a node of somebody else's is recognised to fill a role."""
 
 READERS: dict[str, tuple[str, ...]] = {
-    "/clock": ("recorder",),
-    "plant/state": ("encoder", "tip_sensor", "controller", "recorder"),
-    "joint_states": ("controller", "recorder"),
-    "tip_sensor/odometry": ("controller", "recorder"),
-    "reference": ("controller", "recorder"),
-    "joint_command": ("plant", "recorder"),
+    '/clock': ('recorder',),
+    'plant/state': ('encoder', 'tip_sensor', 'controller', 'recorder'),
+    'joint_states': ('controller', 'recorder'),
+    'tip_sensor/odometry': ('controller', 'recorder'),
+    'reference': ('controller', 'recorder'),
+    'joint_command': ('plant', 'recorder'),
 }
 """Topic -> roles that read it; order of a reader's inputs is the order in which it waits."""
 
 
 def readers(topic: str) -> tuple[str, ...]:
     """Return the roles that read ``topic``; what is not in `READERS` is for the record only."""
-    return READERS.get(topic, ("recorder",))
+    return READERS.get(topic, ('recorder',))
 
 
-RECORDED_TOPIC = "lockstep/recorded"
+RECORDED_TOPIC = 'lockstep/recorded'
 """std_msgs/UInt64 from the recorder: ticks that are whole in the bag."""
 
-TICK_TOPIC = "lockstep/tick"
+TICK_TOPIC = 'lockstep/tick'
 """std_msgs/UInt64 from the plant, every `TICK_EVERY` ticks: the tick that it has reached."""
 
 TICK_EVERY = 32
@@ -52,8 +65,8 @@ TICK_EVERY = 32
 
 def message_class(type_name: str) -> Any:
     """Return the Python class of a ROS type such as ``sensor_msgs/msg/JointState``."""
-    package, _, name = type_name.split("/")
-    return getattr(import_module(f"{package}.msg"), name)
+    package, _, name = type_name.split('/')
+    return getattr(import_module(f'{package}.msg'), name)
 
 
 def qos_profile(qos: Qos) -> QoSProfile:

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Parameters that may change while a run goes on: checked at once, set at a tick boundary.
 
 ``ros2 param set`` is answered on the thread that serves parameters, after the
@@ -12,18 +26,17 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
+from flexarm_ros import scenario
+from flexarm_ros.bag import changes
+from flexarm_ros.core.changes import Change
+from flexarm_ros.core.parameters import changed, RunConfig, SECTIONS, specs
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.graph import qos_profile
+from flexarm_ros.nodes.status import Phase
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-
-from flexarm_ros import scenario
-from flexarm_ros.bag import changes
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.parameters import SECTIONS, RunConfig, changed, specs
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
-from flexarm_ros.nodes.graph import qos_profile
-from flexarm_ros.nodes.status import Phase
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
@@ -60,12 +73,12 @@ class LiveParameters:
             return SetParametersResult(successful=True)
         me = self._me
         if me.finished or me.board.mine.phase not in _GOING:
-            reason = f"no run goes on ({me.board.mine.phase.value})"
+            reason = f'no run goes on ({me.board.mine.phase.value})'
             return SetParametersResult(successful=False, reason=reason)
         try:
             for key, value in wanted.items():  # one that is left out of a scenario may be unset
                 if value is None:
-                    raise ValueError(f"{me.ROLE}.{key}: cannot be unset")
+                    raise ValueError(f'{me.ROLE}.{key}: cannot be unset')
             held = {p: me.get_parameter(p).value for p in self._keys}
             me.check_live(scenario.with_values(self.config, data={me.ROLE: {**held, **wanted}}))
         except ValueError as error:
@@ -86,7 +99,7 @@ class LiveParameters:
             change = Change(me.tick, me.ROLE, key, float(value))
             self._publisher.publish(self._message(change))
             self.config = changed(self.config, change)
-            me.get_logger().info(f"{key} = {value!r} from tick {me.tick} on")
+            me.get_logger().info(f'{key} = {value!r} from tick {me.tick} on')
         self._publisher.wait_for_all_acked(Duration(seconds=_TOLD_S))
         me.retune(self.config)
 

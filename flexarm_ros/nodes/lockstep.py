@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The hot path of a run: inputs by tick, outputs as bytes, and the loop that drives them.
 
 Tick k of a run is at ``T0 + k T``.  A participant advances when it has every
@@ -7,11 +21,11 @@ how long a peer may take to answer.
 
 from __future__ import annotations
 
-import math
-import time
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import math
+import time
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.bag.topics import Topic
 from flexarm_ros.core.timeline import Timeline
@@ -23,7 +37,7 @@ if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
 Values = tuple[float, ...]
-SENSORS = ("encoder", "tip_sensor")
+SENSORS = ('encoder', 'tip_sensor')
 HOUSEKEEPING_S = 0.1
 """Wall time between looks at the peers while a run goes on."""
 
@@ -38,7 +52,7 @@ class RunFailed(Exception):
     ``told_by`` is the role that found it out, where it was not this node.
     """
 
-    def __init__(self, blame: str, reason: str, told_by: str = "") -> None:
+    def __init__(self, blame: str, reason: str, told_by: str = '') -> None:
         super().__init__(reason)
         self.blame = blame
         self.reason = reason
@@ -103,14 +117,14 @@ class Input:
         self.source = topic.node
         self._rising = False
         # /clock is every arm's of a graph; the others are this run's alone.
-        alone = not topic.name.startswith("/")
-        self._unwanted = f"a publisher that is not this run's {topic.node}" if alone else ""
+        alone = not topic.name.startswith('/')
+        self._unwanted = f"a publisher that is not this run's {topic.node}" if alone else ''
         self.reset()
 
     def reset(self) -> None:
         """Expect tick 0 next."""
         self.tick = -1
-        self.data = b""
+        self.data = b''
         self._sequence: int | None = None
         self.values: Values = ()
         self.arrived.clear()
@@ -153,14 +167,14 @@ class Input:
 
     def _accept(self, data: bytes, info: dict[str, Any]) -> str:
         """Make ``data`` from the middleware the next message, or say what is wrong with it."""
-        sender = info.get("publisher_gid")
-        if self.accepted and sender is not None and sender["data"][:16] != self.accepted:
+        sender = info.get('publisher_gid')
+        if self.accepted and sender is not None and sender['data'][:16] != self.accepted:
             return self._unwanted
-        number = info.get("publication_sequence_number")
+        number = info.get('publication_sequence_number')
         if number is not None:
             if self._sequence is not None and number != self._sequence + 1:
                 raise RunFailed(
-                    self.source, f"tick {self.tick + 1}: a message on {self.topic.name} is lost"
+                    self.source, f'tick {self.tick + 1}: a message on {self.topic.name} is lost'
                 )
             self._sequence = number
         try:
@@ -174,14 +188,14 @@ class Input:
         tick = self.tick + 1
         due = self._stamp_ns(tick)
         if stamp > due or (self._exact and stamp != due):
-            return f"stamp {stamp} ns where tick {tick} has {due} ns"
+            return f'stamp {stamp} ns where tick {tick} has {due} ns'
         if self._rising and stamp <= self._last_stamp:
-            return f"stamp {stamp} ns again at tick {tick}, or older than the one before"
+            return f'stamp {stamp} ns again at tick {tick}, or older than the one before'
         if not math.isfinite(sum(values)):
-            return f"value that is not finite at tick {tick}"
+            return f'value that is not finite at tick {tick}'
         self._last_stamp = stamp
         self.tick, self.data, self.values = tick, data, values
-        return ""
+        return ''
 
     def look(self) -> None:
         """Where messages are handed over: see who else publishes here, throw the copies away."""
@@ -189,8 +203,8 @@ class Input:
             taken = self._take(self._type, True) if self.near else None
             if taken is None:
                 return
-            sender = taken[1].get("publisher_gid")
-            ours = sender is None or sender["data"][:16] == self.accepted
+            sender = taken[1].get('publisher_gid')
+            ours = sender is None or sender['data'][:16] == self.accepted
             if self._unwanted and not ours:
                 self._participant.invalid_message(self.topic.name, self._unwanted)
 
@@ -201,7 +215,7 @@ class Input:
         stamp tells, unless the sensor holds samples for some ticks.
         """
         self.accepted = bytes(endpoints[0].endpoint_gid)[:16]
-        held = self.source == "tip_sensor" and self._participant.config.tip_sensor.rate > 0.0
+        held = self.source == 'tip_sensor' and self._participant.config.tip_sensor.rate > 0.0
         self._rising = foreign and not self._exact and not held
 
 

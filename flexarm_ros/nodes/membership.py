@@ -1,17 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Joining a run: who is there, do we agree on the scenario, are we all connected."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from rclpy.qos import QoSCompatibility, qos_check_compatible
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
 from flexarm_ros.nodes.epochs import epoch_of
-from flexarm_ros.nodes.graph import OUTPUT, READERS, ROLES, readers
+from flexarm_ros.nodes.graph import OUTPUT, READERS, readers, ROLES
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.status import Board, Phase, Status
+from rclpy.qos import qos_check_compatible, QoSCompatibility
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
@@ -38,7 +51,7 @@ class Membership:
 
     def required(self) -> list[str]:
         """Return the roles that the run needs, this node's own left out."""
-        skip = {self._me.ROLE} if self.config.run.record else {self._me.ROLE, "recorder"}
+        skip = {self._me.ROLE} if self.config.run.record else {self._me.ROLE, 'recorder'}
         return [role for role in ROLES if role not in skip]
 
     def own_parameters(self) -> str:
@@ -62,10 +75,10 @@ class Membership:
     def sent_by(self, role: str, info: dict[str, Any]) -> bool:
         """Whether a message with this ``info`` comes from the holder of ``role``."""
         status = self.status_of(role)
-        sender = info.get("publisher_gid")
+        sender = info.get('publisher_gid')
         if status is None or sender is None:
             return role in self.foreign
-        return bool(bytes(sender["data"])[:12] == self._board.gid(status)[:12])
+        return bool(bytes(sender['data'])[:12] == self._board.gid(status)[:12])
 
     def settle(self) -> None:
         """Keep to the peers that are there now: a newcomer changes nothing any more."""
@@ -95,8 +108,8 @@ class Membership:
     def _patience_for(self, missing: list[str], now: float) -> None:
         limit = self._me.config.run.start_timeout
         if self._since is not None and now - self._since > limit:
-            names = ", ".join(missing)
-            raise RunFailed(missing[0], f"start: no {names} joined within {limit:g} s")
+            names = ', '.join(missing)
+            raise RunFailed(missing[0], f'start: no {names} joined within {limit:g} s')
 
     def _refuse_a_second_holder(self) -> None:
         """Leave if another node holds this role already."""
@@ -108,7 +121,7 @@ class Membership:
                 self.refused = True
                 raise RunFailed(
                     self._me.ROLE,
-                    f"refused: another {self._me.ROLE} ({other.node}) takes part in this run",
+                    f'refused: another {self._me.ROLE} ({other.node}) takes part in this run',
                 )
 
     def _filled(self, role: str, now: float) -> bool:
@@ -164,7 +177,7 @@ class Membership:
         try:
             return merge_sections(self._me.config, texts)
         except Disagreement as error:
-            raise RunFailed("", f"start: the nodes disagree: {error}") from None
+            raise RunFailed('', f'start: the nodes disagree: {error}') from None
 
     # --- connections -------------------------------------------------------------------
 
@@ -183,14 +196,14 @@ class Membership:
             status = self.status_of(entry.source)
             prefix = self._board.gid(status)[:12] if status and not status.phase.over else None
             mine = [e for e in endpoints if bytes(e.endpoint_gid)[:12] == prefix]
-            if entry.topic.name == "/clock":
+            if entry.topic.name == '/clock':
                 strangers = []  # another arm of this graph may have a clock too
             mine += strangers
         if len(mine) > 1:
-            nodes = " and ".join(
-                sorted(f"{e.node_namespace.rstrip('/')}/{e.node_name}" for e in mine)
+            nodes = ' and '.join(
+                sorted(f'{e.node_namespace.rstrip("/")}/{e.node_name}' for e in mine)
             )
-            raise RunFailed("", f"start: two publishers on {entry.topic.name}: {nodes}")
+            raise RunFailed('', f'start: two publishers on {entry.topic.name}: {nodes}')
         if not mine or entry.subscription.handle.get_publisher_count() < 1:
             return False
         entry.bind(mine, foreign=entry.source in self.foreign)

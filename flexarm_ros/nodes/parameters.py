@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """ROS parameters of a node: declared from the table of keys, checked as a scenario is.
 
 A node reads the whole parameter file it is given, as `flexarm simulate` does,
@@ -11,17 +25,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from collections.abc import Mapping as Map
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
-import yaml
+from flexarm_ros import scenario
+from flexarm_ros.core.parameters import RunConfig, RunParameters, SECTIONS, Spec, specs
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+import yaml
 
-from flexarm_ros import scenario
-from flexarm_ros.core.parameters import SECTIONS, RunConfig, RunParameters, Spec, specs
-
-OF_ROS = ("qos_overrides.", "use_sim_time", "start_type_description")
+OF_ROS = ('qos_overrides.', 'use_sim_time', 'start_type_description')
 """Parameters that every node has."""
 
 if TYPE_CHECKING:
@@ -34,7 +47,7 @@ class Own:
 
     default: str | int | float
     doc: str
-    unit: str = ""
+    unit: str = ''
     low: float = 0.0
     high: float = 0.0
     live: bool = False
@@ -50,26 +63,26 @@ class Own:
             return value if isinstance(value, str) else text
         fits = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not fits or kind(value) != value or not self.low <= value <= self.high:
-            what = "a number" if kind is float else "a whole number"
+            what = 'a number' if kind is float else 'a whole number'
             raise scenario.ScenarioError(
-                f"{name}: {text!r} is not {what} from {self.low:g} to {self.high:g}"
+                f'{name}: {text!r} is not {what} from {self.low:g} to {self.high:g}'
             )
         return kind(value)
 
 
 _TYPES = {
-    "float": Parameter.Type.DOUBLE,
-    "int": Parameter.Type.INTEGER,
-    "bool": Parameter.Type.BOOL,
-    "str": Parameter.Type.STRING,
-    "float2": Parameter.Type.DOUBLE_ARRAY,
-    "floats": Parameter.Type.DOUBLE_ARRAY,
+    'float': Parameter.Type.DOUBLE,
+    'int': Parameter.Type.INTEGER,
+    'bool': Parameter.Type.BOOL,
+    'str': Parameter.Type.STRING,
+    'float2': Parameter.Type.DOUBLE_ARRAY,
+    'floats': Parameter.Type.DOUBLE_ARRAY,
 }
 
 
 def parameter_files(argv: list[str]) -> list[str]:
     """Return the files named by ``--params-file`` in a ROS command line, in order."""
-    return [value for flag, value in zip(argv, argv[1:], strict=False) if flag == "--params-file"]
+    return [value for flag, value in zip(argv, argv[1:], strict=False) if flag == '--params-file']
 
 
 def assignments(argv: list[str], node: str) -> Iterator[tuple[str, str]]:
@@ -79,16 +92,16 @@ def assignments(argv: list[str], node: str) -> Iterator[tuple[str, str]]:
     node would win over them, and a rule for a node by name misses one that is
     in a namespace.
     """
-    mine = (node, "*", "**")
+    mine = (node, '*', '**')
     inside = False
     words = iter(argv)
     for word in words:
-        inside = word == "--ros-args" or (inside and word != "--")
-        if not inside or word not in ("-p", "--param"):
+        inside = word == '--ros-args' or (inside and word != '--')
+        if not inside or word not in ('-p', '--param'):
             continue
-        name, _, value = next(words, "").partition(":=")
-        owner, colon, key = name.rpartition(":")
-        if not colon or owner.lstrip("/") in mine:
+        name, _, value = next(words, '').partition(':=')
+        owner, colon, key = name.rpartition(':')
+        if not colon or owner.lstrip('/') in mine:
             yield key, value
 
 
@@ -99,7 +112,7 @@ def declare_and_load(node: Participant, role: str, argv: list[str]) -> RunConfig
     """
     own = dict(assignments(argv, node.get_name()))
     config = scenario.load(parameter_files(argv), _overrides(own, node, role))
-    for section, kind in (("run", RunParameters), (role, SECTIONS.get(role))):
+    for section, kind in (('run', RunParameters), (role, SECTIONS.get(role))):
         if kind is None:
             continue
         for key, (name, spec, _) in specs(kind).items():
@@ -113,8 +126,8 @@ def _overrides(own: dict[str, str], node: Participant, role: str) -> Iterator[st
     for key, value in own.items():
         if key in node.OWN_PARAMETERS or key.startswith(OF_ROS):
             continue
-        section = "/**" if key in common and key not in known else role
-        yield f"{section}.{key}={value}"
+        section = '/**' if key in common and key not in known else role
+        yield f'{section}.{key}={value}'
 
 
 def declare_own(node: Node, role: str, parameters: Map[str, Own], argv: list[str]) -> None:
@@ -125,7 +138,7 @@ def declare_own(node: Node, role: str, parameters: Map[str, Own], argv: list[str
     given = dict(assignments(argv, node.get_name()))
     for key, own in parameters.items():
         descriptor = ParameterDescriptor(
-            description=own.doc + (f" [{own.unit}]" if own.unit else ""), read_only=not own.live
+            description=own.doc + (f' [{own.unit}]' if own.unit else ''), read_only=not own.live
         )
         if isinstance(own.default, float):
             descriptor.floating_point_range = [
@@ -134,21 +147,21 @@ def declare_own(node: Node, role: str, parameters: Map[str, Own], argv: list[str
         elif isinstance(own.default, int):
             low, high = int(own.low), int(own.high)
             descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
-        value = own.read(f"{role}.{key}", given[key]) if key in given else own.default
+        value = own.read(f'{role}.{key}', given[key]) if key in given else own.default
         node.declare_parameter(key, value, descriptor, ignore_override=True)
 
 
 def _declare(node: Node, key: str, spec: Spec, value: Any) -> None:
     descriptor = ParameterDescriptor(
-        description=spec.doc + (f" [{spec.unit}]" if spec.unit else ""),
+        description=spec.doc + (f' [{spec.unit}]' if spec.unit else ''),
         additional_constraints=_constraints(spec),
         read_only=not spec.live,
     )
-    if spec.kind == "float" and spec.low is not None and spec.high is not None:
+    if spec.kind == 'float' and spec.low is not None and spec.high is not None:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=spec.low, to_value=spec.high)
         ]
-    if spec.kind == "int" and spec.low is not None and spec.high is not None:
+    if spec.kind == 'int' and spec.low is not None and spec.high is not None:
         descriptor.integer_range = [
             IntegerRange(from_value=int(spec.low), to_value=int(spec.high), step=1)
         ]
@@ -163,8 +176,8 @@ def _declare(node: Node, key: str, spec: Spec, value: Any) -> None:
 
 def _constraints(spec: Spec) -> str:
     if spec.choices:
-        return "one of: " + ", ".join(spec.choices)
-    if spec.kind in ("float2", "floats") and spec.low is not None:
-        above = "above" if spec.low_open else "from"
-        return f"each value {above} {spec.low:g} to {spec.high:g}"
-    return f"above {spec.low:g}" if spec.low_open else ""
+        return 'one of: ' + ', '.join(spec.choices)
+    if spec.kind in ('float2', 'floats') and spec.low is not None:
+        above = 'above' if spec.low_open else 'from'
+        return f'each value {above} {spec.low:g} to {spec.high:g}'
+    return f'above {spec.low:g}' if spec.low_open else ''

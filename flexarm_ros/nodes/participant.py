@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What every node of a run does: join, agree on the scenario, advance, leave."""
 
 from __future__ import annotations
@@ -5,8 +19,6 @@ from __future__ import annotations
 import time
 import traceback
 from typing import Any, ClassVar
-
-from rclpy.node import Node
 
 from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
@@ -17,10 +29,11 @@ from flexarm_ros.nodes.graph import reads
 from flexarm_ros.nodes.live import ChangesInput, LiveParameters
 from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
-from flexarm_ros.nodes.parameters import Own, declare_and_load, declare_own
+from flexarm_ros.nodes.parameters import declare_and_load, declare_own, Own
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.status import Board, Phase
 from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
+from rclpy.node import Node
 
 _JOIN_INTERVAL_S = 0.02
 _STALL_S = 0.5
@@ -31,7 +44,7 @@ _SLOW_S = 1.0
 
 def describe(error: BaseException) -> str:
     """Return an error's name and text in one line of at most 300 characters."""
-    return " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    return ' '.join(f'{type(error).__name__}: {error}'.split())[:300]
 
 
 class Participant(Node):
@@ -76,12 +89,12 @@ class Participant(Node):
         self.tick = 0
         self.last_tick: int | None = None
         self._moved = self._ready_at = self._looked = time.monotonic()
-        self.missing = ""
+        self.missing = ''
         """What a tick that takes long is waiting for, for people; set by the lock-step loop."""
         self.longest_wait_s = 0.0
         """Longest wall time without progress since somebody set this to zero."""
         self._closed = False
-        self.crashed = ""
+        self.crashed = ''
         """An exception in a service's callback, from the thread that serves them."""
         self.board.publish(parameters=self.membership.own_parameters())
         self.diagnostics = Diagnostics(self)
@@ -117,8 +130,8 @@ class Participant(Node):
         """Return the role that has not answered ``self.tick`` and what it owes."""
         for entry in self.inputs.values():
             if entry.tick < self.tick:
-                return entry.source, f"no message on {entry.topic.name}"
-        return "", ""
+                return entry.source, f'no message on {entry.topic.name}'
+        return '', ''
 
     def close(self) -> None:
         """Finish files; called once, however the run ends."""
@@ -186,7 +199,7 @@ class Participant(Node):
             for endpoint in (*self.outputs.values(), *self.inputs.values()):
                 endpoint.look()
             if self.crashed:
-                raise RunFailed(self.ROLE, f"tick {self.tick}: in a service: {self.crashed}")
+                raise RunFailed(self.ROLE, f'tick {self.tick}: in a service: {self.crashed}')
             if self.interrupted or self.supervisor.gone:
                 self.interrupt()
             elif self.board.mine.phase is Phase.JOINING:
@@ -205,8 +218,8 @@ class Participant(Node):
         """Return what ended the run; an error nobody foresaw goes to the log with its place."""
         if isinstance(error, RunFailed):
             return error
-        self.get_logger().error("".join(traceback.format_exception(error)))
-        return RunFailed(self.ROLE, f"tick {self.tick}: {describe(error)}")
+        self.get_logger().error(''.join(traceback.format_exception(error)))
+        return RunFailed(self.ROLE, f'tick {self.tick}: {describe(error)}')
 
     def check_start(self, now: float) -> None:
         """Start as soon as ready: a node other than the plant waits for messages only."""
@@ -248,21 +261,21 @@ class Participant(Node):
             self.epochs.begin(self.epochs.number + 1)
             self.look_interval = _JOIN_INTERVAL_S
             return
-        plant = self.membership.status_of("plant")
+        plant = self.membership.status_of('plant')
         if plant is not None and plant.last_tick >= 0:
             self.last_tick = plant.last_tick
             self.check_end()
         if self.finished:
             return
         self.membership.watch(now)
-        self.missing = ""
+        self.missing = ''
         paused = plant is not None and plant.phase is Phase.PAUSED
-        pace = float(plant.extra.get("pace_s", "0")) if plant is not None else 0.0
+        pace = float(plant.extra.get('pace_s', '0')) if plant is not None else 0.0
         limit = self.config.run.tick_timeout + self.patience_s() + pace
         if not self._begun():
             if now - self._ready_at > self.config.run.start_timeout:
                 raise RunFailed(
-                    "plant", f"start: not begun within {self.config.run.start_timeout:g} s"
+                    'plant', f'start: not begun within {self.config.run.start_timeout:g} s'
                 )
             self._moved = now
         elif paused or self.board.mine.phase is Phase.PAUSED:
@@ -275,17 +288,17 @@ class Participant(Node):
         if idle <= min(_SLOW_S, limit):
             return
         blame, owed = self.waiting_for()
-        self.missing = f"waiting for {blame}: {owed}" if blame else ""
+        self.missing = f'waiting for {blame}: {owed}' if blame else ''
         if idle > limit:
             raise RunFailed(
-                blame, f"tick {self.tick}: {owed} within {self.config.run.tick_timeout:g} s"
+                blame, f'tick {self.tick}: {owed} within {self.config.run.tick_timeout:g} s'
             )
 
     def _begun(self) -> bool:
         """Whether tick 0 may have gone out: before, the plant waits for the slowest node."""
-        if self.ROLE == "plant" or any(entry.tick >= 0 for entry in self.inputs.values()):
+        if self.ROLE == 'plant' or any(entry.tick >= 0 for entry in self.inputs.values()):
             return True
-        plant = self.membership.status_of("plant")
+        plant = self.membership.status_of('plant')
         return plant is not None and plant.phase not in (Phase.JOINING, Phase.READY)
 
     def patience_s(self) -> float:
@@ -300,12 +313,14 @@ class Participant(Node):
 
     def change_phase(self, phase: Phase, **more: Any) -> None:
         """Enter ``phase`` and tell the peers and the supervisor."""
-        self.board.publish(phase=phase, text=more.pop("text", phase.value), **more)
+        self.board.publish(phase=phase, text=more.pop('text', phase.value), **more)
         self.supervisor.report(self.ROLE, phase=phase.value, text=self.board.mine.text)
 
     def end_of_run(self, tick: int) -> bool:
         """Whether ``tick`` lies beyond the last tick of the run."""
-        return tick >= self.timeline.ticks or (self.last_tick is not None and tick > self.last_tick)
+        return tick >= self.timeline.ticks or (
+            self.last_tick is not None and tick > self.last_tick
+        )
 
     def check_end(self) -> None:
         """Leave if the plant has ended the run and this node has done its part."""
@@ -323,7 +338,9 @@ class Participant(Node):
         except Exception as error:
             self.finished = False
             raise self._failure_of(error) from None
-        self.change_phase(Phase.DONE, text=f"done after {self.tick} ticks", last_tick=self.tick - 1)
+        self.change_phase(
+            Phase.DONE, text=f'done after {self.tick} ticks', last_tick=self.tick - 1
+        )
         self.board.flush(1.0)
 
     def _close(self) -> None:
@@ -335,7 +352,7 @@ class Participant(Node):
     def tell_invalid(self) -> None:
         """Say in the end how many messages were none of the run's."""
         if self.invalid:
-            self.get_logger().warning(f"{self.invalid} invalid messages in all")
+            self.get_logger().warning(f'{self.invalid} invalid messages in all')
 
     def flush(self) -> None:
         """Wait until every reader has this node's messages, four seconds at the longest.
@@ -352,8 +369,8 @@ class Participant(Node):
 
     def interrupt(self) -> None:
         """Leave because the user or the launcher said so."""
-        reason = "launcher gone" if self.supervisor.gone else INTERRUPTED
-        self.fail(RunFailed(self.ROLE, f"{reason} at tick {self.tick}"))
+        reason = 'launcher gone' if self.supervisor.gone else INTERRUPTED
+        self.fail(RunFailed(self.ROLE, f'{reason} at tick {self.tick}'))
 
     def fail(self, failure: RunFailed) -> None:
         """Leave a run that cannot go on, and say why."""
@@ -361,11 +378,11 @@ class Participant(Node):
             return
         self.finished = True
         self.failure = failure
-        told = f"ended by the {failure.told_by}: " if failure.told_by else ""
-        who = f"{failure.blame}: " if failure.blame else ""
-        self.get_logger().error(f"{told}{who}{failure.reason}")
+        told = f'ended by the {failure.told_by}: ' if failure.told_by else ''
+        who = f'{failure.blame}: ' if failure.blame else ''
+        self.get_logger().error(f'{told}{who}{failure.reason}')
         self.supervisor.report(
-            self.ROLE, phase="failed", blame=failure.blame, text=failure.reason, tick=self.tick
+            self.ROLE, phase='failed', blame=failure.blame, text=failure.reason, tick=self.tick
         )
         refused = self.membership.refused
         self.board.publish(
@@ -386,9 +403,9 @@ class Participant(Node):
         Raises `RunFailed` where ``on_invalid`` is ``error``.
         """
         self.invalid += 1
-        if self.config.run.on_invalid == "error":
-            raise RunFailed("", f"tick {self.tick}: invalid message on {topic}: {fault}")
+        if self.config.run.on_invalid == 'error':
+            raise RunFailed('', f'tick {self.tick}: invalid message on {topic}: {fault}')
         now = time.monotonic()
         if now - self._last_invalid_log >= 1.0:
             self._last_invalid_log = now
-            self.get_logger().warning(f"{self.invalid} invalid messages, last on {topic}: {fault}")
+            self.get_logger().warning(f'{self.invalid} invalid messages, last on {topic}: {fault}')

@@ -1,10 +1,24 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``plant``: the arm itself, and the clock of the run."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import copy
 import time
-from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from flexarm_ros.core.plant import instability, make_plant
@@ -32,31 +46,31 @@ def recorder_window(period_ns: int) -> int:
 class PlantNode(Participant):
     """Publishes ``/clock`` and the state of tick k, waits for its torque, integrates."""
 
-    ROLE: ClassVar[str] = "plant"
+    ROLE: ClassVar[str] = 'plant'
     OWN_PARAMETERS: ClassVar[dict[str, Own]] = {
-        "real_time_factor": Own(
-            0.0, "hold the run to this multiple of real time; 0: free to run", high=FASTEST,
+        'real_time_factor': Own(
+            0.0, 'hold the run to this multiple of real time; 0: free to run', high=FASTEST,
             live=True,
         ),
-        "step_ticks": Own(
-            1, "ticks that the service ~/step lets a paused run do", low=1, high=MOST_STEPS,
+        'step_ticks': Own(
+            1, 'ticks that the service ~/step lets a paused run do', low=1, high=MOST_STEPS,
             live=True,
         ),
-        "hold_at": Own(
-            "", "ticks, comma separated, before which the launcher has something to do"
+        'hold_at': Own(
+            '', 'ticks, comma separated, before which the launcher has something to do'
         ),
     }  # fmt: skip
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._recorded = ProgressInput(self, RECORDED_TOPIC, "recorder")
+        self._recorded = ProgressInput(self, RECORDED_TOPIC, 'recorder')
         self._reached = ProgressOutput(self, TICK_TOPIC)
         self.side_inputs.append(self._recorded)
         self.side_outputs.append(self._reached)
-        holds = str(self.get_parameter("hold_at").value or "")
-        self._holds = sorted(int(text) for text in holds.split(",") if text.strip())
+        holds = str(self.get_parameter('hold_at').value or '')
+        self._holds = sorted(int(text) for text in holds.split(',') if text.strip())
         self._sent = False
-        self._free = self.again = self.config.run.sync == "free"
+        self._free = self.again = self.config.run.sync == 'free'
         self.control = RunControl(self)
         if self._free and self.control.rtf == 0.0:
             self.control.rtf = 1.0
@@ -64,9 +78,9 @@ class PlantNode(Participant):
     def build(self) -> None:
         """Make the arm at its initial state."""
         self.plant = make_plant(self.config)
-        self._command = self.inputs["joint_command"]
-        self._time = self.outputs["/clock"]
-        self._state = self.outputs["plant/state"]
+        self._command = self.inputs['joint_command']
+        self._time = self.outputs['/clock']
+        self._state = self.outputs['plant/state']
         self._missing = self._command
         self._window = recorder_window(self.timeline.period_ns)
         self._sent = False
@@ -165,7 +179,7 @@ class PlantNode(Participant):
                 return True  # what a node has sent is on record before anything happens to it
             self._reported_hold = True
             self.released = False
-            self.supervisor.report(self.ROLE, phase="held", tick=self.tick)
+            self.supervisor.report(self.ROLE, phase='held', tick=self.tick)
         self._moved = time.monotonic()
         if not self.released:
             return True
@@ -207,8 +221,8 @@ class PlantNode(Participant):
     def waiting_for(self) -> tuple[str, str]:
         """Blame the recorder where it holds the run up, else the controller."""
         if not self._sent:
-            return "recorder", "nothing recorded"
-        return "controller", "no torque on joint_command"
+            return 'recorder', 'nothing recorded'
+        return 'controller', 'no torque on joint_command'
 
     def patience_s(self) -> float:
         """Let the controller name a silent sensor first."""
@@ -216,10 +230,10 @@ class PlantNode(Participant):
 
     def _end_unstable(self, trouble: str) -> None:
         """End the run at this tick; the peers finish it, and it stays on record."""
-        self.get_logger().error(f"unstable at tick {self.tick + 1}: {trouble}")
-        self.supervisor.report(self.ROLE, phase="unstable", tick=self.tick + 1, text=trouble)
+        self.get_logger().error(f'unstable at tick {self.tick + 1}: {trouble}')
+        self.supervisor.report(self.ROLE, phase='unstable', tick=self.tick + 1, text=trouble)
         self.failed_run = True
-        self.end_at(self.tick, f"unstable: {trouble}", unstable=trouble)
+        self.end_at(self.tick, f'unstable: {trouble}', unstable=trouble)
 
     def end_at(self, tick: int, why: str, **extra: str) -> None:
         """End the run with ``tick`` as its last, and leave."""
@@ -236,6 +250,6 @@ class PlantNode(Participant):
         elif self._sent and self.interrupted < 2:
             if not self._command.fetch(self.tick):
                 return  # its torque is on its way; the tick limit holds here too
-            self.end_at(self.tick, "interrupted")
+            self.end_at(self.tick, 'interrupted')
         else:
-            self.end_at(self.tick - 1, "interrupted")
+            self.end_at(self.tick - 1, 'interrupted')

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``player``: publishes a recorded run again, ``/clock`` included.
 
 With ``without: controller`` it plays the plant and the sensors in lock-step and
@@ -7,22 +21,13 @@ torque of the one before has come.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import suppress
 from typing import Any
-
-import rclpy
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
-from std_srvs.srv import Trigger
 
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reader import BagReader
@@ -31,8 +36,16 @@ from flexarm_ros.nodes.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class, qos_profile
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.pace import Pace
-from flexarm_ros.nodes.player_options import PlayerError, PlayerOptions, declare, number
+from flexarm_ros.nodes.player_options import declare, number, PlayerError, PlayerOptions
 from flexarm_ros.nodes.standin import ControllerSeat
+from rcl_interfaces.msg import SetParametersResult
+import rclpy
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 _UNACKED = 250
 """Ticks that may be on their way: a quarter of the writers' history, so none is overwritten."""
@@ -45,7 +58,7 @@ class PlayerNode(Node):
     """
 
     def __init__(self, argv: list[str]) -> None:
-        super().__init__("player")
+        super().__init__('player')
         self.stop_signal = 0
         self.played = 0
         self.options: PlayerOptions = declare(self, argv)
@@ -63,10 +76,10 @@ class PlayerNode(Node):
         }  # fmt: skip
         self.add_on_set_parameters_callback(self._set_rate)
         for name, action in (
-            ("pause", self._pause), ("resume", self._resume), ("play_next", self._play_next),
-            ("toggle_paused", self._toggle),
+            ('pause', self._pause), ('resume', self._resume), ('play_next', self._play_next),
+            ('toggle_paused', self._toggle),
         ):  # fmt: skip
-            self.create_service(Trigger, f"~/{name}", action)
+            self.create_service(Trigger, f'~/{name}', action)
         # Made here, before the services' thread spins: rclpy makes no promise for later.
         self._seat: ControllerSeat | None = None
         if self.options.without:
@@ -93,7 +106,7 @@ class PlayerNode(Node):
         names = {topic.path: index for index, topic in enumerate(self.reader.topics)}
         chosen = {CLOCK}
         for text in self.options.topics or names:
-            path = text if text.startswith("/") else "/" + text
+            path = text if text.startswith('/') else '/' + text
             if path not in names:
                 raise PlayerError(f"topics: '{text}' is not in the bag: {', '.join(names)}")
             chosen.add(names[path])
@@ -105,24 +118,24 @@ class PlayerNode(Node):
 
     def _pause(self, _: Any, response: Any) -> Any:
         self._pace.pause(True)
-        return _answer(response, "paused")
+        return _answer(response, 'paused')
 
     def _resume(self, _: Any, response: Any) -> Any:
         self._pace.pause(False)
-        return _answer(response, "playing")
+        return _answer(response, 'playing')
 
     def _toggle(self, request: Any, response: Any) -> Any:
         return (self._resume if self._pace.paused else self._pause)(request, response)
 
     def _play_next(self, _: Any, response: Any) -> Any:
         stepped = self._pace.step()
-        return _answer(response, "one tick" if stepped else "not paused", stepped)
+        return _answer(response, 'one tick' if stepped else 'not paused', stepped)
 
     def _set_rate(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name == "rate":
+            if parameter.name == 'rate':
                 try:
-                    self._pace.set_rate(number("rate", parameter.value))
+                    self._pace.set_rate(number('rate', parameter.value))
                 except PlayerError as error:
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -144,14 +157,14 @@ class PlayerNode(Node):
                 if self.stopped() or not self.options.loop:
                     return
                 if self.played == before:  # a loop over nothing would never end
-                    raise BagError(f"{self.reader.path}: no tick from {self.options.start:g} s on")
+                    raise BagError(f'{self.reader.path}: no tick from {self.options.start:g} s on')
         try:
             seat.wait_for_controller()
             self._play_once(seat)
         except (RunFailed, BagError) as error:
             seat.leave(self.played, str(error))
             raise
-        seat.leave(self.played, "stopped" if self.stopped() else "")
+        seat.leave(self.played, 'stopped' if self.stopped() else '')
         if self.played:
             self.get_logger().info(seat.comparison())
 
@@ -201,7 +214,7 @@ def play(argv: list[str]) -> int:
     bad usage, before anything is published; 130 or 143 after a signal.
     """
     try:
-        rclpy.init(args=["player", *argv], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=['player', *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rcl reports a bad command line or parameter file so
         return _complain(str(error).strip().splitlines()[0] if str(error).strip() else error, 2)
     executor = SingleThreadedExecutor()
@@ -218,11 +231,11 @@ def play(argv: list[str]) -> int:
         try:
             node.play()
         except (BagError, RunFailed) as error:
-            return _complain(f"after {node.played} ticks: {error}", 1)
+            return _complain(f'after {node.played} ticks: {error}', 1)
         if node.stop_signal:
             return 128 + node.stop_signal
         node.flush()
-        node.get_logger().info(f"played {node.played} ticks of {node.reader.path}")
+        node.get_logger().info(f'played {node.played} ticks of {node.reader.path}')
         return 0
     finally:
         executor.shutdown(timeout_sec=1.0)
@@ -234,7 +247,7 @@ def play(argv: list[str]) -> int:
 
 
 def _complain(error: object, status: int) -> int:
-    print(f"player: {error}", file=sys.stderr)
+    print(f'player: {error}', file=sys.stderr)
     return status
 
 

@@ -1,26 +1,39 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Parameters of the node ``player``: declared, read and checked."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+import math
 from typing import Any
 
+from flexarm_ros.nodes.parameters import assignments, OF_ROS
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
-from flexarm_ros.nodes.parameters import OF_ROS, assignments
-
 PARAMETERS: dict[str, tuple[Any, str]] = {
-    "bag": ("", "the run: its directory, or the bag in it"),
-    "rate": (1.0, "multiple of real time; 0: as fast as it goes; may change while playing"),
-    "start": (0.0, "simulated time to start from [s]"),
-    "loop": (False, "start again at the end"),
-    "paused": (False, "wait for the service ~/resume or ~/play_next before the first tick"),
-    "topics": ("", "topics to publish beside /clock, comma separated; empty: all"),
-    "without": ("", "controller: leave the torque to another node, in lock-step"),
-    "delay": (1.0, "wall time to wait for subscribers before the first message [s]"),
-    "tick_timeout": (5.0, "wall time that the controller may take to answer a tick [s]"),
+    'bag': ('', 'the run: its directory, or the bag in it'),
+    'rate': (1.0, 'multiple of real time; 0: as fast as it goes; may change while playing'),
+    'start': (0.0, 'simulated time to start from [s]'),
+    'loop': (False, 'start again at the end'),
+    'paused': (False, 'wait for the service ~/resume or ~/play_next before the first tick'),
+    'topics': ('', 'topics to publish beside /clock, comma separated; empty: all'),
+    'without': ('', 'controller: leave the torque to another node, in lock-step'),
+    'delay': (1.0, 'wall time to wait for subscribers before the first message [s]'),
+    'tick_timeout': (5.0, 'wall time that the controller may take to answer a tick [s]'),
 }
 MOST = 1e6
 """Largest value of a parameter that is a number."""
@@ -57,19 +70,19 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
     for name, (default, doc) in PARAMETERS.items():
         descriptor = ParameterDescriptor(
             description=doc,
-            read_only=name != "rate",
+            read_only=name != 'rate',
             dynamic_typing=True,  # rcl tells 2 from 2.0; the user need not
         )
         value = node.declare_parameter(name, default, descriptor).value
         values[name] = _checked(name, value, default)
-    values["topics"] = tuple(word.strip() for word in values["topics"].split(",") if word.strip())
+    values['topics'] = tuple(word.strip() for word in values['topics'].split(',') if word.strip())
     options = PlayerOptions(**values)
     if not options.bag:
         raise PlayerError("bag: missing; give a run's directory or the bag in it")
-    if options.without not in ("", "controller"):
+    if options.without not in ('', 'controller'):
         raise PlayerError(f"without: '{options.without}' is not allowed: controller, or empty")
     if options.without and options.loop:
-        raise PlayerError("loop: true is not allowed with without: a controller runs once")
+        raise PlayerError('loop: true is not allowed with without: a controller runs once')
     return options
 
 
@@ -77,7 +90,7 @@ def number(name: str, value: Any) -> float:
     """Return a parameter that is a number from 0 to `MOST`; PlayerError if it is none."""
     fits = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not fits or not math.isfinite(value) or not 0.0 <= value <= MOST:
-        raise PlayerError(f"{name}: {value!r} is not allowed: a number from 0 to {MOST:g}")
+        raise PlayerError(f'{name}: {value!r} is not allowed: a number from 0 to {MOST:g}')
     return float(value)
 
 
@@ -85,6 +98,6 @@ def _checked(name: str, value: Any, default: Any) -> Any:
     if isinstance(default, float):
         return number(name, value)
     if not isinstance(value, type(default)):
-        kind = "true or false" if isinstance(default, bool) else "a text"
-        raise PlayerError(f"{name}: {value!r} is not allowed: {kind}")
+        kind = 'true or false' if isinstance(default, bool) else 'a text'
+        raise PlayerError(f'{name}: {value!r} is not allowed: {kind}')
     return value

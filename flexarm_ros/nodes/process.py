@@ -1,36 +1,49 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A process with one node, or with all of them: start, spin, signals, exit status."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 import gc
+from importlib import import_module
 import os
 import signal
 import sys
 import threading
-from contextlib import suppress
-from importlib import import_module
 from typing import Any
 
+from flexarm_ros.nodes.lockstep import connect, spin
+from flexarm_ros.nodes.participant import describe, Participant
+from flexarm_ros.nodes.supervisor import Supervisor
+from flexarm_ros.scenario import ScenarioError
 import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from flexarm_ros.nodes.lockstep import connect, spin
-from flexarm_ros.nodes.participant import Participant, describe
-from flexarm_ros.nodes.supervisor import Supervisor
-from flexarm_ros.scenario import ScenarioError
-
 CLASSES = {
-    "plant": "PlantNode",
-    "encoder": "EncoderNode",
-    "tip_sensor": "TipSensorNode",
-    "trajectory": "TrajectoryNode",
-    "controller": "ControllerNode",
-    "recorder": "RecorderNode",
+    'plant': 'PlantNode',
+    'encoder': 'EncoderNode',
+    'tip_sensor': 'TipSensorNode',
+    'trajectory': 'TrajectoryNode',
+    'controller': 'ControllerNode',
+    'recorder': 'RecorderNode',
 }
-COMPOSE = "compose"
+COMPOSE = 'compose'
 
 _RECORDER_NICE = 10
 """The recorder is never what a tick waits for: it leaves the processor to those that are."""
@@ -38,30 +51,30 @@ _RECORDER_NICE = 10
 
 def run_process(name: str, argv: list[str]) -> int:
     """Run node ``name`` with a ROS command line; see `flexarm_ros.nodes.main`."""
-    if name == "player":
+    if name == 'player':
         from flexarm_ros.nodes.player import play
 
         return play(argv)
-    if name == "viewer":
+    if name == 'viewer':
         from flexarm_ros.nodes.viewer import view
 
         return view(argv)
     if name not in CLASSES and name != COMPOSE:
-        print(f"no node {name}: {', '.join([*CLASSES, 'player', 'viewer'])}", file=sys.stderr)
+        print(f'no node {name}: {", ".join([*CLASSES, "player", "viewer"])}', file=sys.stderr)
         return 2
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     try:
         rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rcl reports a bad command line or parameter file so
-        print(f"{name}: {_first_line(error)}", file=sys.stderr)
+        print(f'{name}: {_first_line(error)}', file=sys.stderr)
         return 2
     try:
         return _run(_composed(argv) if name == COMPOSE else [name], argv)
     except ScenarioError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f'{name}: {error}', file=sys.stderr)
         return 2
     except _rclpy.RCLError as error:  # DDS-Security asked for where Fast DDS has none, say
-        print(f"{name}: {' '.join(str(error).split())[:400]}", file=sys.stderr)
+        print(f'{name}: {" ".join(str(error).split())[:400]}', file=sys.stderr)
         return 1
     finally:
         rclpy.try_shutdown()
@@ -69,13 +82,13 @@ def run_process(name: str, argv: list[str]) -> int:
 
 def _composed(argv: list[str]) -> list[str]:
     """Return the nodes that share this process: those named before the ROS arguments, or all."""
-    words = argv[: argv.index("--ros-args")] if "--ros-args" in argv else argv
+    words = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
     return [name for name in CLASSES if name in words] or list(CLASSES)
 
 
 def _run(names: list[str], argv: list[str]) -> int:
     supervisor = Supervisor()
-    if names == ["recorder"]:
+    if names == ['recorder']:
         os.nice(_RECORDER_NICE)
     nodes = [_make(name, argv, supervisor) for name in names]
     connect(nodes)
@@ -99,7 +112,7 @@ def _run(names: list[str], argv: list[str]) -> int:
 
 
 def _make(name: str, argv: list[str], supervisor: Supervisor) -> Participant:
-    module = import_module(f"flexarm_ros.nodes.{name}")
+    module = import_module(f'flexarm_ros.nodes.{name}')
     node: Participant = getattr(module, CLASSES[name])(argv, supervisor)
     return node
 

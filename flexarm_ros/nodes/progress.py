@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """How far a node has come, told on a side channel: a tick number now and then.
 
 Nobody waits for these at a tick.  The plant tells the trajectory how far the
@@ -8,10 +22,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from rclpy.qos import QoSProfile
 from std_msgs.msg import UInt64
-
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant

@@ -1,14 +1,28 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``recorder``: every message of the run, in order of ticks, to a bag."""
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from pathlib import Path
+import time
 from typing import Any, ClassVar
 
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.recording import Recording, finish_run, free_directory, prepare_directory
+from flexarm_ros.bag.recording import finish_run, free_directory, prepare_directory, Recording
 from flexarm_ros.nodes.graph import RECORDED_TOPIC
 from flexarm_ros.nodes.live import ChangesInput
 from flexarm_ros.nodes.lockstep import RunFailed
@@ -23,10 +37,10 @@ _LOOK_S = 0.02
 class RecorderNode(Participant):
     """Takes the serialized bytes of all per-tick topics in batches and writes them."""
 
-    ROLE: ClassVar[str] = "recorder"
+    ROLE: ClassVar[str] = 'recorder'
     OWN_PARAMETERS: ClassVar[dict[str, Own]] = {
-        "output": Own("", "directory of the run; empty: a new one below runs/"),
-        "name": Own("", "name of the scenario, for the record"),
+        'output': Own('', 'directory of the run; empty: a new one below runs/'),
+        'name': Own('', 'name of the scenario, for the record'),
     }
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -35,7 +49,7 @@ class RecorderNode(Participant):
         self.side_outputs.append(self._progress)
         self._changes = ChangesInput(self)
         self.side_inputs.append(self._changes)
-        self._name = str(self.get_parameter("name").value or "")
+        self._name = str(self.get_parameter('name').value or '')
         self._recording: Recording | None = None
         self._first_wall: float | None = None
         self._due = 0.0
@@ -53,14 +67,14 @@ class RecorderNode(Participant):
                 self.config, directory, self._name, sorted(self.membership.foreign)
             )
         except (OSError, BagError) as error:
-            raise RunFailed("recorder", f"start: {error}") from None
+            raise RunFailed('recorder', f'start: {error}') from None
         self._entries = list(enumerate(self.inputs.values()))
         self.supervisor.report(self.ROLE, directory=str(self._recording.directory))
 
     def _directory(self) -> Path:
         """Return the run's directory: the parameter ``output``, else a new one."""
-        wanted = str(self.get_parameter("output").value or "")
-        return Path(wanted) if wanted else free_directory(self._name or "run")
+        wanted = str(self.get_parameter('output').value or '')
+        return Path(wanted) if wanted else free_directory(self._name or 'run')
 
     def advance(self) -> bool:
         """Write whatever has arrived, now and then."""
@@ -77,13 +91,13 @@ class RecorderNode(Participant):
         """Write what is in the queues; False where no further tick is whole by that."""
         recording = self._recording
         assert recording is not None
-        state, arrived = self.inputs["plant/state"], []
+        state, arrived = self.inputs['plant/state'], []
         last = self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
         try:
             for index, entry in self._entries:
                 tick = entry.tick + 1
                 # References come ahead of time: none is kept that the run may not reach.
-                until = min(last, state.tick) if entry.source == "trajectory" else last
+                until = min(last, state.tick) if entry.source == 'trajectory' else last
                 while tick <= until and entry.fetch(tick):
                     arrived.append((index, tick, entry.data))
                     tick += 1
@@ -96,7 +110,7 @@ class RecorderNode(Participant):
         except BagError as error:
             recording.abandon()
             self._recording = None
-            raise RunFailed("recorder", f"tick {self.tick}: {error}") from None
+            raise RunFailed('recorder', f'tick {self.tick}: {error}') from None
         complete = min(entry.tick for _, entry in self._entries) + 1
         if complete == self.tick:
             return False
@@ -122,17 +136,17 @@ class RecorderNode(Participant):
 
     def _finish_directory(self) -> None:
         assert self._recording is not None
-        plant = self.membership.status_of("plant")
-        unstable = plant.extra.get("unstable", "") if plant is not None else ""
+        plant = self.membership.status_of('plant')
+        unstable = plant.extra.get('unstable', '') if plant is not None else ''
         finish_run(
             self._recording.directory,
             self.config,
             self._name,
             wall_s=self._wall or None,
-            problem=self.failure.reason if self.failure else "",
+            problem=self.failure.reason if self.failure else '',
             unstable=(self.tick, unstable) if unstable else None,
         )
-        self.get_logger().info(f"recorded {self.tick} ticks in {self._recording.directory}")
+        self.get_logger().info(f'recorded {self.tick} ticks in {self._recording.directory}')
 
     def nap(self, now: float) -> float:
         """Sleep between batches."""

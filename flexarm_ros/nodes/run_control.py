@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Run control as simulators have it: pause, step, reset, speed, state.
 
 The services are in the plant, which alone decides when a tick begins:
@@ -13,17 +27,16 @@ what they set between two ticks, under a lock.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import threading
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
-
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.parameter import Parameter
-from std_srvs.srv import SetBool, Trigger
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.nodes.simulation_services import offer_standard_services
 from flexarm_ros.nodes.status import Phase
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.plant import PlantNode
@@ -46,12 +59,12 @@ class RunControl:
         """Paused, and the last tick that went out has been answered and integrated."""
         self._steps = 0
         self.reset_wanted = False
-        self.rtf = float(plant.get_parameter("real_time_factor").value or 0.0)
+        self.rtf = float(plant.get_parameter('real_time_factor').value or 0.0)
         self._anchor = (0.0, 0)
-        plant.create_service(SetBool, "~/pause", self._pause)
-        plant.create_service(Trigger, "~/step", self._step)
-        plant.create_service(Trigger, "~/reset", self._reset)
-        plant.create_service(Trigger, "~/state", self._state)
+        plant.create_service(SetBool, '~/pause', self._pause)
+        plant.create_service(Trigger, '~/step', self._step)
+        plant.create_service(Trigger, '~/reset', self._reset)
+        plant.create_service(Trigger, '~/state', self._state)
         plant.add_on_set_parameters_callback(self._changed)
         self.standard = offer_standard_services(plant, self)
 
@@ -115,12 +128,12 @@ class RunControl:
         """Start the run again at tick 0; return when that is done, or why it is not."""
         plant = self._plant
         if not self.going:
-            return f"no run goes on ({plant.board.mine.phase.value})"
+            return f'no run goes on ({plant.board.mine.phase.value})'
         self.reset_wanted = True
         return (
-            ""
+            ''
             if self._wait(lambda: not self.reset_wanted and self.going)
-            else (f"not done within {WAIT_S:g} s, or the run has ended")
+            else (f'not done within {WAIT_S:g} s, or the run has ended')
         )
 
     def _wait(self, done: Callable[[], bool]) -> bool:
@@ -157,18 +170,18 @@ class RunControl:
 
     def _pause(self, request: Any, response: Any) -> Any:
         self.pause(bool(request.data))
-        response.success, response.message = True, "paused" if request.data else "running"
+        response.success, response.message = True, 'paused' if request.data else 'running'
         return response
 
     def _step(self, _: Any, response: Any) -> Any:
-        ticks = int(self._plant.get_parameter("step_ticks").value or 1)
+        ticks = int(self._plant.get_parameter('step_ticks').value or 1)
         response.success = self.step(ticks)
-        response.message = f"{ticks} ticks" if response.success else "not paused: pause first"
+        response.message = f'{ticks} ticks' if response.success else 'not paused: pause first'
         return response
 
     def _reset(self, _: Any, response: Any) -> Any:
         problem = self.reset()
-        response.success, response.message = not problem, problem or "started again at tick 0"
+        response.success, response.message = not problem, problem or 'started again at tick 0'
         return response
 
     def _state(self, _: Any, response: Any) -> Any:
@@ -180,22 +193,22 @@ class RunControl:
         plant = self._plant
         word = plant.board.mine.phase.value
         if self.paused:
-            word = "stepping" if self.stepping else "paused"
-        speed = f"{self.rtf:g} times real time" if self.rtf > 0.0 else "as fast as it goes"
-        return f"{word} at tick {plant.tick}, {speed}"
+            word = 'stepping' if self.stepping else 'paused'
+        speed = f'{self.rtf:g} times real time' if self.rtf > 0.0 else 'as fast as it goes'
+        return f'{word} at tick {plant.tick}, {speed}'
 
     def _changed(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name == "real_time_factor":
+            if parameter.name == 'real_time_factor':
                 value = float(parameter.value)
                 if not 0.0 <= value <= FASTEST:
                     return SetParametersResult(
-                        successful=False, reason=f"real_time_factor: {value:g}: allowed: 0 or more"
+                        successful=False, reason=f'real_time_factor: {value:g}: allowed: 0 or more'
                     )
                 self.rtf = value
                 self.begin(self._plant.tick)
-            if parameter.name == "step_ticks" and int(parameter.value) < 1:
+            if parameter.name == 'step_ticks' and int(parameter.value) < 1:
                 return SetParametersResult(
-                    successful=False, reason=f"step_ticks: {parameter.value}: allowed: 1 or more"
+                    successful=False, reason=f'step_ticks: {parameter.value}: allowed: 1 or more'
                 )
         return SetParametersResult(successful=True)

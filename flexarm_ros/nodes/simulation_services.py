@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The standard services of simulation_interfaces, where that package is installed.
 
 ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
@@ -9,7 +23,7 @@ and entities are none of this simulator's.
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
 from rclpy.node import Node
 
@@ -23,17 +37,17 @@ _TIME_AND_STATE = 1 | 2
 def offer_standard_services(node: Node, control: RunControl) -> bool:
     """Create the services; False where simulation_interfaces is not installed."""
     try:
-        srv = importlib.import_module("simulation_interfaces.srv")
-        msg = importlib.import_module("simulation_interfaces.msg")
+        srv = importlib.import_module('simulation_interfaces.srv')
+        msg = importlib.import_module('simulation_interfaces.msg')
     except ImportError:
         return False
     standard = StandardServices(control, msg, srv)
     for kind, name, action in (
-        (srv.GetSimulatorFeatures, "get_simulator_features", standard.features),
-        (srv.GetSimulationState, "get_simulation_state", standard.state),
-        (srv.SetSimulationState, "set_simulation_state", standard.set_state),
-        (srv.StepSimulation, "step_simulation", standard.step),
-        (srv.ResetSimulation, "reset_simulation", standard.reset),
+        (srv.GetSimulatorFeatures, 'get_simulator_features', standard.features),
+        (srv.GetSimulationState, 'get_simulation_state', standard.state),
+        (srv.SetSimulationState, 'set_simulation_state', standard.set_state),
+        (srv.StepSimulation, 'step_simulation', standard.step),
+        (srv.ResetSimulation, 'reset_simulation', standard.reset),
     ):
         node.create_service(kind, name, action)
     return True
@@ -50,7 +64,7 @@ class StandardServices:
         self._set_state = srv.SetSimulationState.Response
         self._stopped = False
 
-    def _answer(self, response: Any, problem: str = "", code: int | None = None) -> Any:
+    def _answer(self, response: Any, problem: str = '', code: int | None = None) -> Any:
         """Fill in the result: OK without a ``problem``, else ``code`` or OPERATION_FAILED."""
         failed = self._result.RESULT_OPERATION_FAILED if code is None else code
         response.result.result = failed if problem else self._result.RESULT_OK
@@ -65,7 +79,7 @@ class StandardServices:
             kinds.SIMULATION_STATE_PAUSE, kinds.STEP_SIMULATION_SINGLE,
             kinds.STEP_SIMULATION_MULTIPLE,
         ]  # fmt: skip
-        response.features.custom_info = "flexarm_ros: a step is one tick, /**.control_period"
+        response.features.custom_info = 'flexarm_ros: a step is one tick, /**.control_period'
         return response
 
     def current(self) -> int:
@@ -89,18 +103,18 @@ class StandardServices:
         """Play, pause, stop (pause and reset) or quit."""
         wanted, states = request.state.state, self._states
         names = {
-            states.STATE_PLAYING: "PLAYING", states.STATE_PAUSED: "PAUSED",
-            states.STATE_STOPPED: "STOPPED", states.STATE_QUITTING: "QUITTING",
+            states.STATE_PLAYING: 'PLAYING', states.STATE_PAUSED: 'PAUSED',
+            states.STATE_STOPPED: 'STOPPED', states.STATE_QUITTING: 'QUITTING',
         }  # fmt: skip
         if wanted not in names:
-            text = f"state {wanted}: allowed: " + ", ".join(f"STATE_{n}" for n in names.values())
+            text = f'state {wanted}: allowed: ' + ', '.join(f'STATE_{n}' for n in names.values())
             return self._answer(response, text, self._result.RESULT_FEATURE_UNSUPPORTED)
         if wanted == self.current():
             code = self._set_state.ALREADY_IN_TARGET_STATE
-            return self._answer(response, f"already {names[wanted].lower()}", code)
+            return self._answer(response, f'already {names[wanted].lower()}', code)
         if self._control.over:
             code = self._set_state.INCORRECT_TRANSITION
-            return self._answer(response, "the run has ended", code)
+            return self._answer(response, 'the run has ended', code)
         problem = self._enter(wanted)
         return self._answer(response, problem, self._set_state.STATE_TRANSITION_ERROR)
 
@@ -108,24 +122,26 @@ class StandardServices:
         """Go to a state; return what went wrong."""
         if wanted == self._states.STATE_QUITTING:
             self._control.quit()
-            return ""
+            return ''
         self._control.pause(wanted != self._states.STATE_PLAYING)
-        problem = self._control.reset() if wanted == self._states.STATE_STOPPED else ""
+        problem = self._control.reset() if wanted == self._states.STATE_STOPPED else ''
         self._stopped = wanted == self._states.STATE_STOPPED and not problem
         return problem
 
     def step(self, request: Any, response: Any) -> Any:
         """Do ``steps`` ticks of a paused run; answers when they are done."""
         if not self._control.step(int(request.steps)):
-            return self._answer(response, "not paused: pause first")
+            return self._answer(response, 'not paused: pause first')
         self._stopped = False
         done = self._control.finish_steps()
-        return self._answer(response, "" if done else "the run ended before that, or took too long")
+        return self._answer(
+            response, '' if done else 'the run ended before that, or took too long'
+        )
 
     def reset(self, request: Any, response: Any) -> Any:
         """Start again at tick 0; state and time cannot be reset apart."""
         scope = int(request.scope)
         if scope and scope & _TIME_AND_STATE != _TIME_AND_STATE:
-            text = f"scope {scope}: state and time are reset together: 0, 3 or 255"
+            text = f'scope {scope}: state and time are reset together: 0, 3 or 255'
             return self._answer(response, text, self._result.RESULT_FEATURE_UNSUPPORTED)
         return self._answer(response, self._control.reset())

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The rigid skeleton: a URDF, and where its frames are for given joint angles.
 
 The joints have the names that ``joint_states`` uses, so that
@@ -13,7 +27,7 @@ from typing import NamedTuple
 from flexarm_ros.bag.topics import BASE_FRAME, JOINTS
 from flexarm_ros.core.parameters import RunConfig
 
-LINK1, LINK2, TOOL = "link1", "link2", "tool"
+LINK1, LINK2, TOOL = 'link1', 'link2', 'tool'
 _WIDTH = 0.08
 
 
@@ -39,19 +53,19 @@ def transforms(config: RunConfig, theta1: float, theta2: float) -> tuple[Transfo
 def urdf(config: RunConfig) -> str:
     """Return the skeleton as URDF."""
     first, second = config.plant.length
-    return "\n".join(
+    return '\n'.join(
         [
             '<?xml version="1.0"?>',
             '<robot name="flexarm">',
             f'  <link name="{BASE_FRAME}"/>',
-            _link(LINK1, first, "0.55 0.65 0.75"),
-            _link(LINK2, second, "0.75 0.65 0.55"),
+            _link(LINK1, first, '0.55 0.65 0.75'),
+            _link(LINK2, second, '0.75 0.65 0.55'),
             f'  <link name="{TOOL}"/>',
-            _joint(JOINTS[0], "continuous", BASE_FRAME, LINK1, 0.0),
-            _joint(JOINTS[1], "continuous", LINK1, LINK2, first),
-            _joint("tool_fixed", "fixed", LINK2, TOOL, second),
-            "</robot>",
-            "",
+            _joint(JOINTS[0], 'continuous', BASE_FRAME, LINK1, 0.0),
+            _joint(JOINTS[1], 'continuous', LINK1, LINK2, first),
+            _joint('tool_fixed', 'fixed', LINK2, TOOL, second),
+            '</robot>',
+            '',
         ]
     )
 
@@ -65,7 +79,7 @@ def _link(name: str, length: float, color: str) -> str:
 
 
 def _joint(name: str, kind: str, parent: str, child: str, x: float) -> str:
-    axis = '<axis xyz="0 0 1"/>' if kind == "continuous" else ""
+    axis = '<axis xyz="0 0 1"/>' if kind == 'continuous' else ''
     return (
         f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<origin xyz="{x!r} 0 0"/>{axis}</joint>'

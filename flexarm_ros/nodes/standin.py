@@ -1,16 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A recorded run in the place of the plant and the sensors, for a controller under test."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
+import time
 from typing import TYPE_CHECKING
 
 from flexarm_ros.bag.topics import COMMAND, per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import dump_sections
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import ROLES, message_class, qos_profile
+from flexarm_ros.nodes.graph import message_class, qos_profile, ROLES
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.status import Board, Phase
 
@@ -39,7 +53,7 @@ class ControllerSeat:
             callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
         self._waiter = Waiter(player.context)
-        self._boards = {role: Board(player, role) for role in ROLES if role not in ("controller",)}
+        self._boards = {role: Board(player, role) for role in ROLES if role not in ('controller',)}
         for role, board in self._boards.items():
             board.publish(parameters=dump_sections(config, role), phase=Phase.READY)
         self._largest = 0.0
@@ -48,12 +62,12 @@ class ControllerSeat:
     def wait_for_controller(self) -> None:
         """Wait until a controller is connected, or the player stopped; RunFailed after a minute."""
         deadline = time.monotonic() + 60.0
-        board, seen = self._boards["plant"], 0.0
+        board, seen = self._boards['plant'], 0.0
         while time.monotonic() < deadline:
             if self._stopped():
                 return
             board.update()
-            held = [s for s in board.of("controller") if not s.phase.over]
+            held = [s for s in board.of('controller') if not s.phase.over]
             if any(s.phase in (Phase.READY, Phase.RUNNING) for s in held):
                 break
             publishers = self._subscription.handle.get_publisher_count()
@@ -62,12 +76,12 @@ class ControllerSeat:
                 break
             time.sleep(0.02)
         else:
-            raise RunFailed("controller", "no controller joined within 60 s")
+            raise RunFailed('controller', 'no controller joined within 60 s')
         board.publish(phase=Phase.RUNNING)
 
     def answer(self, tick: int, recorded: bytes | None) -> None:
         """Wait for the torque of ``tick`` and compare it with the recorded one."""
-        stamp, other = self._player.timeline.stamp_ns(tick), ""
+        stamp, other = self._player.timeline.stamp_ns(tick), ''
         deadline = time.monotonic() + self._limit
         while (left := deadline - time.monotonic()) > 0.0 and not self._stopped():
             taken = self._subscription.handle.take_message(self._kind, True)
@@ -77,14 +91,16 @@ class ControllerSeat:
             try:
                 came, torque = self._topic.codec.decode_any(taken[0])
             except ValueError as error:
-                raise RunFailed("controller", f"tick {tick}: {self._topic.name}: {error}") from None
+                raise RunFailed(
+                    'controller', f'tick {tick}: {self._topic.name}: {error}'
+                ) from None
             if came == stamp:
                 self._compare(torque, recorded)
                 return
-            other = f"; one with stamp {came} ns came, due is {stamp} ns"
+            other = f'; one with stamp {came} ns came, due is {stamp} ns'
         if not self._stopped():
             raise RunFailed(
-                "controller", f"tick {tick}: no joint_command within {self._limit:g} s{other}"
+                'controller', f'tick {tick}: no joint_command within {self._limit:g} s{other}'
             )
 
     def _compare(self, torque: tuple[float, ...], recorded: bytes | None) -> None:
@@ -100,11 +116,11 @@ class ControllerSeat:
     def comparison(self) -> str:
         """Return one line on how the torques compare with the recorded ones."""
         return (
-            f"{self._answered} torques, {self._equal} equal to the recorded ones, "
-            f"largest difference {self._largest:.6g} N m"
+            f'{self._answered} torques, {self._equal} equal to the recorded ones, '
+            f'largest difference {self._largest:.6g} N m'
         )
 
-    def leave(self, ticks: int, problem: str = "") -> None:
+    def leave(self, ticks: int, problem: str = '') -> None:
         """Tell the controller that the run is over, and what broke it off if anything did."""
         phase = Phase.FAILED if problem else Phase.DONE
         for board in self._boards.values():

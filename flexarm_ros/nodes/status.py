@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the participants of a run tell one another: who is there, and how it goes.
 
 Every node publishes a latched ``diagnostic_msgs/DiagnosticStatus`` on
@@ -10,19 +24,18 @@ scenario, without a master.
 
 from __future__ import annotations
 
-import time
-import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+import time
+import uuid
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
-
-TOPIC = "lockstep/status"
+TOPIC = 'lockstep/status'
 _QOS = QoSProfile(
     depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -39,7 +52,7 @@ _MOST_VALUES = 50
 _MOST_MESSAGES = 200
 """Messages taken at one look: a flood of them must not keep a node from its work."""
 
-EPOCH, PACE = "epoch", "pace_s"
+EPOCH, PACE = 'epoch', 'pace_s'
 """Keys of further values: the run's number in this graph, and the plant's wall time a tick."""
 
 _LARGEST, _LONGEST_S = 2**62, 1e12
@@ -48,14 +61,14 @@ _LARGEST, _LONGEST_S = 2**62, 1e12
 class Phase(str, Enum):
     """Where a participant stands in its run."""
 
-    JOINING = "joining"
-    READY = "ready"
-    RUNNING = "running"
-    PAUSED = "paused"
-    RESETTING = "resetting"
-    DONE = "done"
-    FAILED = "failed"
-    REFUSED = "refused"
+    JOINING = 'joining'
+    READY = 'ready'
+    RUNNING = 'running'
+    PAUSED = 'paused'
+    RESETTING = 'resetting'
+    DONE = 'done'
+    FAILED = 'failed'
+    REFUSED = 'refused'
 
     @property
     def over(self) -> bool:
@@ -71,11 +84,11 @@ class Status:
     identity: str
     node: str
     phase: Phase
-    text: str = ""
-    parameters: str = ""
+    text: str = ''
+    parameters: str = ''
     last_tick: int = -1
     """Last tick of the run, from the plant once it knows; -1 before."""
-    blame: str = ""
+    blame: str = ''
     """Role that a failed participant holds responsible."""
     extra: dict[str, str] = field(default_factory=dict)
 
@@ -83,11 +96,11 @@ class Status:
         """Return the ROS message of this status."""
         bad = self.phase in (Phase.FAILED, Phase.REFUSED)
         pairs = {
-            "phase": self.phase.value,
-            "node": self.node,
-            "last_tick": str(self.last_tick),
-            "blame": self.blame,
-            "parameters": self.parameters,
+            'phase': self.phase.value,
+            'node': self.node,
+            'last_tick': str(self.last_tick),
+            'blame': self.blame,
+            'parameters': self.parameters,
             **self.extra,
         }
         return DiagnosticStatus(
@@ -107,12 +120,12 @@ class Status:
             return cls(
                 role=message.name,
                 identity=message.hardware_id,
-                node=printable(values.pop("node")),
-                phase=Phase(values.pop("phase")),
+                node=printable(values.pop('node')),
+                phase=Phase(values.pop('phase')),
                 text=printable(message.message),
-                parameters=values.pop("parameters"),
-                last_tick=_whole(values.pop("last_tick"), -1),
-                blame=printable(values.pop("blame")),
+                parameters=values.pop('parameters'),
+                last_tick=_whole(values.pop('last_tick'), -1),
+                blame=printable(values.pop('blame')),
                 extra=values,
             )
         except (KeyError, ValueError):
@@ -121,8 +134,8 @@ class Status:
 
 def _check_numbers(values: Mapping[str, str]) -> None:
     """Raise ValueError where what is read as a number later on is none."""
-    _whole(values.get(EPOCH, "0"), 0)
-    if not 0.0 <= float(values.get(PACE, "0")) <= _LONGEST_S:
+    _whole(values.get(EPOCH, '0'), 0)
+    if not 0.0 <= float(values.get(PACE, '0')) <= _LONGEST_S:
         raise ValueError
 
 
@@ -136,7 +149,7 @@ def _whole(text: str, least: int) -> int:
 
 def printable(text: str, longest: int = 500) -> str:
     """Return a stranger's text as it may stand in a log: one line, no control characters."""
-    return "".join(c if c.isprintable() else "?" for c in text[:longest])
+    return ''.join(c if c.isprintable() else '?' for c in text[:longest])
 
 
 class Board:
@@ -144,7 +157,7 @@ class Board:
 
     def __init__(self, node: Node, role: str) -> None:
         self._node = node
-        identity = f"{time.time_ns():020d}-{uuid.uuid4().hex}"
+        identity = f'{time.time_ns():020d}-{uuid.uuid4().hex}'
         self.mine = Status(role, identity, node.get_fully_qualified_name(), Phase.JOINING)
         self.others: dict[str, Status] = {}
         self._gids: dict[str, bytes] = {}
@@ -172,7 +185,7 @@ class Board:
             status = Status.from_message(taken[0])
             if status is None or status.identity == self.mine.identity:
                 continue
-            gid = bytes(taken[1].get("publisher_gid", {}).get("data", b""))
+            gid = bytes(taken[1].get('publisher_gid', {}).get('data', b''))
             if status.identity not in self.others:
                 self.newcomers += 1
                 self._gids[status.identity] = gid
@@ -186,7 +199,9 @@ class Board:
         A message may come before the graph shows its publisher.
         """
         topic = self._publisher.topic_name
-        alive = {bytes(e.endpoint_gid)[:16] for e in self._node.get_publishers_info_by_topic(topic)}
+        alive = {
+            bytes(e.endpoint_gid)[:16] for e in self._node.get_publishers_info_by_topic(topic)
+        }
         for identity, gid in list(self._gids.items()):
             if gid[:16] in alive:
                 self._seen.add(identity)

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The line to the launcher: reports go up a pipe, its end means that it is gone.
 
 A node that `flexarm run` starts inherits two pipe ends, named in the
@@ -14,9 +28,9 @@ import select
 import time
 from typing import Any
 
-REPORT_FD = "FLEXARM_REPORT_FD"
-ALIVE_FD = "FLEXARM_ALIVE_FD"
-INTERRUPTED = "interrupted"
+REPORT_FD = 'FLEXARM_REPORT_FD'
+ALIVE_FD = 'FLEXARM_ALIVE_FD'
+INTERRUPTED = 'interrupted'
 _PATIENCE_S = 1.0
 
 
@@ -46,8 +60,8 @@ class Supervisor:
         The pipe is full where the launcher is stopped (Ctrl-Z): a line of mere
         progress is then dropped, another waits for a second.
         """
-        line = json.dumps({"role": role, "at": time.monotonic(), **facts}) + "\n"
-        deadline = time.monotonic() + (_PATIENCE_S if "phase" in facts else 0.0)
+        line = json.dumps({'role': role, 'at': time.monotonic(), **facts}) + '\n'
+        deadline = time.monotonic() + (_PATIENCE_S if 'phase' in facts else 0.0)
         while self._report is not None:
             try:
                 os.write(self._report, line.encode())
@@ -61,7 +75,7 @@ class Supervisor:
 
 
 def _descriptor(name: str) -> int | None:
-    text = os.environ.get(name, "")
+    text = os.environ.get(name, '')
     if not text.isdigit():
         return None
     try:

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``tip_sensor``: position and velocity of a point of link 2 in frame base."""
 
 from __future__ import annotations
@@ -5,12 +19,11 @@ from __future__ import annotations
 import copy
 from typing import ClassVar
 
-import numpy as np
-
 from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.sensors import TipSensor, further_sensors
+from flexarm_ros.core.sensors import further_sensors, TipSensor
 from flexarm_ros.nodes.participant import Participant
+import numpy as np
 
 
 class TipSensorNode(Participant):
@@ -19,12 +32,12 @@ class TipSensorNode(Participant):
     Those at ``tip_sensor.more_locations`` answer behind it, when the loop has its own.
     """
 
-    ROLE: ClassVar[str] = "tip_sensor"
+    ROLE: ClassVar[str] = 'tip_sensor'
 
     def build(self) -> None:
         """Make the sensors."""
         self._sensors = (TipSensor(self.config), *further_sensors(self.config))
-        self._state = self.inputs["plant/state"]
+        self._state = self.inputs['plant/state']
         self._measured = list(self.outputs.values())
         self._configure(self.config)
         self._n = 2 + 2 * self.config.plant.modes

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``trajectory``: the commanded position and velocity of the end effector."""
 
 from __future__ import annotations
@@ -22,17 +36,17 @@ this node wakes once in `graph.TICK_EVERY` ticks instead of at each.
 class TrajectoryNode(Participant):
     """Publishes the reference of each tick, somewhat ahead of the plant."""
 
-    ROLE: ClassVar[str] = "trajectory"
+    ROLE: ClassVar[str] = 'trajectory'
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._reached = ProgressInput(self, TICK_TOPIC, "plant")
+        self._reached = ProgressInput(self, TICK_TOPIC, 'plant')
         self.side_inputs.append(self._reached)
 
     def build(self) -> None:
         """Make the reference."""
         self._reference = Reference(self.config)
-        self._output = self.outputs["reference"]
+        self._output = self.outputs['reference']
 
     def rehearse(self) -> None:
         """Compile before the run."""

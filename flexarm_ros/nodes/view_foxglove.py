@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A live view for Foxglove and Lichtblick: the WebSocket server of foxglove-sdk.
 
 The package is an optional extra (``pip install 'flexarm_ros[view]'``) and is
@@ -6,11 +20,11 @@ imported only here.  ``assets/flexarm.foxglove.json`` is the layout.
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Iterable
 from importlib import import_module
 from importlib.resources import files
+import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +33,7 @@ from flexarm_ros.nodes.skeleton import transforms
 from flexarm_ros.nodes.view_ros import BLUE, GREEN, GREY, ORANGE, PINK
 from flexarm_ros.nodes.view_scene import Frame, Point, Scene
 
-SCENE, FRAMES, NUMBERS = "/arm/scene", "/arm/frames", "/arm"
+SCENE, FRAMES, NUMBERS = '/arm/scene', '/arm/frames', '/arm'
 _MISSING = "foxglove-sdk is not installed: pip install 'flexarm_ros[view]'"
 
 
@@ -29,7 +43,7 @@ class ViewError(Exception):
 
 def layout() -> Path:
     """Return the layout file to import in Foxglove or Lichtblick."""
-    return Path(str(files("flexarm_ros.nodes") / "assets" / "flexarm.foxglove.json"))
+    return Path(str(files('flexarm_ros.nodes') / 'assets' / 'flexarm.foxglove.json'))
 
 
 class FoxgloveView:
@@ -41,12 +55,12 @@ class FoxgloveView:
 
     def __init__(self, host: str, port: int) -> None:
         try:
-            self._sdk = import_module("foxglove")
-            self._messages = import_module("foxglove.messages")
-            channels = import_module("foxglove.channels")
+            self._sdk = import_module('foxglove')
+            self._messages = import_module('foxglove.messages')
+            channels = import_module('foxglove.channels')
         except ImportError:
             raise ViewError(_MISSING) from None
-        self._sdk.set_log_level("ERROR")
+        self._sdk.set_log_level('ERROR')
         # Kept: channels of a context that is gone reach nobody.
         context = self._context = self._sdk.Context()
         self._scene = channels.SceneUpdateChannel(SCENE, context=context)
@@ -54,11 +68,11 @@ class FoxgloveView:
         self._numbers = self._sdk.Channel(NUMBERS, schema=_schema(), context=context)
         try:
             self._server = self._sdk.start_server(
-                name="flexarm_ros", host=host, port=port, context=context,
+                name='flexarm_ros', host=host, port=port, context=context,
                 capabilities=[self._sdk.Capability.Time],
             )  # fmt: skip
         except Exception as error:
-            raise ViewError(f"port {port} on {host}: {error}") from None
+            raise ViewError(f'port {port} on {host}: {error}') from None
         self.port: int = self._server.port
 
     def show(self, frame: Frame, scene: Scene) -> None:
@@ -80,7 +94,7 @@ class FoxgloveView:
             log_time=stamp,
         )  # fmt: skip
         entity = sdk.SceneEntity(
-            timestamp=time, frame_id=BASE_FRAME, id="arm",
+            timestamp=time, frame_id=BASE_FRAME, id='arm',
             lines=list(self._lines(frame, scene)), spheres=list(self._spheres(frame)),
         )  # fmt: skip
         self._scene.log(sdk.SceneUpdate(entities=[entity]), log_time=stamp)
@@ -126,11 +140,11 @@ def _schema() -> dict[str, Any]:
     empty = Frame(
         0, ((0.0, 0.0),), 0, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0
     )
-    keys = {key: {"type": ["number", "null"]} for key in empty.numbers()}
-    return {"title": "flexarm_ros.Numbers", "type": "object", "properties": keys}
+    keys = {key: {'type': ['number', 'null']} for key in empty.numbers()}
+    return {'title': 'flexarm_ros.Numbers', 'type': 'object', 'properties': keys}
 
 
 def shown_paths() -> list[str]:
     """Return the message paths that the layout plots, for the test that they exist."""
-    panels = json.loads(layout().read_text(encoding="utf-8"))["configById"]
-    return [path["value"] for panel in panels.values() for path in panel.get("paths", [])]
+    panels = json.loads(layout().read_text(encoding='utf-8'))['configById']
+    return [path['value'] for panel in panels.values() for path in panel.get('paths', [])]

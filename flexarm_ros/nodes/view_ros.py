@@ -1,12 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A live view for RViz: markers, the URDF and, where tf2_msgs is installed, TF."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from importlib import import_module
+import math
 from typing import Any
 
+from flexarm_ros.bag.topics import BASE_FRAME
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.nodes.skeleton import transforms, urdf
+from flexarm_ros.nodes.view_scene import Frame, Point, Scene
 from geometry_msgs.msg import Point as PointMessage
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
@@ -14,12 +32,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from flexarm_ros.bag.topics import BASE_FRAME
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.nodes.skeleton import transforms, urdf
-from flexarm_ros.nodes.view_scene import Frame, Point, Scene
-
-MARKERS = "~/markers"
+MARKERS = '~/markers'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 BLUE, ORANGE, GREEN, PINK, GREY = (
@@ -33,13 +46,13 @@ class RosView:
 
     def __init__(self, node: Node) -> None:
         self._markers = node.create_publisher(MarkerArray, MARKERS, 1)
-        self._description = node.create_publisher(String, "robot_description", _LATCHED)
+        self._description = node.create_publisher(String, 'robot_description', _LATCHED)
         self._tf: Any = None
         try:
-            self._tf_kind = import_module("tf2_msgs.msg").TFMessage
-            self._tf = node.create_publisher(self._tf_kind, "/tf", 10)
+            self._tf_kind = import_module('tf2_msgs.msg').TFMessage
+            self._tf = node.create_publisher(self._tf_kind, '/tf', 10)
         except ImportError:
-            node.get_logger().info("tf2_msgs is not installed: no TF, markers only")
+            node.get_logger().info('tf2_msgs is not installed: no TF, markers only')
 
     def describe(self, config: RunConfig) -> None:
         """Publish the URDF of a scenario."""
@@ -55,17 +68,17 @@ class RosView:
 def markers(frame: Frame, scene: Scene) -> Iterable[Marker]:
     """Yield the markers of a frame: the links, the trails, tip, sensed point and reference."""
     first, second = frame.line[: frame.elbow + 1], frame.line[frame.elbow :]
-    yield _marker(frame, "link1", Marker.LINE_STRIP, BLUE, 0.08, first)
-    yield _marker(frame, "link2", Marker.LINE_STRIP, ORANGE, 0.08, second)
-    yield _marker(frame, "joints", Marker.SPHERE_LIST, GREY, 0.2, (first[0], second[0]))
-    yield _marker(frame, "tip", Marker.SPHERE_LIST, ORANGE, 0.2, (frame.tip,))
+    yield _marker(frame, 'link1', Marker.LINE_STRIP, BLUE, 0.08, first)
+    yield _marker(frame, 'link2', Marker.LINE_STRIP, ORANGE, 0.08, second)
+    yield _marker(frame, 'joints', Marker.SPHERE_LIST, GREY, 0.2, (first[0], second[0]))
+    yield _marker(frame, 'tip', Marker.SPHERE_LIST, ORANGE, 0.2, (frame.tip,))
     for name, color, point in (
-        ("sensed", GREEN, frame.sensed), ("reference", PINK, frame.reference)
+        ('sensed', GREEN, frame.sensed), ('reference', PINK, frame.reference)
     ):  # fmt: skip
         if math.isfinite(point[0]):
             yield _marker(frame, name, Marker.SPHERE_LIST, color, 0.15, (point,))
-    yield _marker(frame, "path", Marker.LINE_STRIP, PINK, 0.03, scene.path)
-    yield _marker(frame, "trail", Marker.LINE_STRIP, ORANGE, 0.03, scene.trail)
+    yield _marker(frame, 'path', Marker.LINE_STRIP, PINK, 0.03, scene.path)
+    yield _marker(frame, 'trail', Marker.LINE_STRIP, ORANGE, 0.03, scene.trail)
 
 
 def _marker(

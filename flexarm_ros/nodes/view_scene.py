@@ -1,19 +1,32 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a live view shows of a run at one instant, apart from how it is drawn."""
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass
-
-import numpy as np
+import math
 
 from flexarm_ros.bag import changes
-from flexarm_ros.bag.topics import COMMAND, REFERENCE, STATE, TIP, Topic, per_tick_topics
+from flexarm_ros.bag.topics import COMMAND, per_tick_topics, REFERENCE, STATE, TIP, Topic
 from flexarm_ros.core.arm_line import ArmLine
 from flexarm_ros.core.control import gain_of
-from flexarm_ros.core.parameters import RunConfig, changed
+from flexarm_ros.core.parameters import changed, RunConfig
 from flexarm_ros.core.timeline import Timeline
+import numpy as np
 
 Point = tuple[float, float]
 SHOWN = (STATE, TIP, REFERENCE, COMMAND)
@@ -50,12 +63,12 @@ class Frame:
         """Return what is plotted, by name; None where there is no number."""
         error = math.dist(self.tip, self.reference)
         named = {
-            "theta1": self.angles[0], "theta2": self.angles[1],
-            "delta1": self.deflections[0], "delta2": self.deflections[1],
-            "tip_x": self.tip[0], "tip_y": self.tip[1],
-            "reference_x": self.reference[0], "reference_y": self.reference[1],
-            "tip_error": error, "tau1": self.torque[0], "tau2": self.torque[1],
-            "lambda": self.gain,
+            'theta1': self.angles[0], 'theta2': self.angles[1],
+            'delta1': self.deflections[0], 'delta2': self.deflections[1],
+            'tip_x': self.tip[0], 'tip_y': self.tip[1],
+            'reference_x': self.reference[0], 'reference_y': self.reference[1],
+            'tip_error': error, 'tau1': self.torque[0], 'tau2': self.torque[1],
+            'lambda': self.gain,
         }  # fmt: skip
         return {key: value if math.isfinite(value) else None for key, value in named.items()}
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Node ``viewer``: shows a run while it goes on, to Foxglove, Lichtblick and RViz.
 
 It is no participant: nobody waits for it.  It reads with best effort and a
@@ -13,13 +27,7 @@ import sys
 import threading
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from rcl_interfaces.msg import ParameterEvent
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
-
 from flexarm_ros import scenario
 from flexarm_ros.bag import changes
 from flexarm_ros.core.parameters import RunConfig
@@ -27,10 +35,15 @@ from flexarm_ros.nodes import status
 from flexarm_ros.nodes.agreement import Disagreement, told_config
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class
-from flexarm_ros.nodes.parameters import OF_ROS, Own, assignments, declare_own, parameter_files
+from flexarm_ros.nodes.parameters import assignments, declare_own, OF_ROS, Own, parameter_files
 from flexarm_ros.nodes.view_foxglove import FoxgloveView, ViewError
 from flexarm_ros.nodes.view_ros import RosView
 from flexarm_ros.nodes.view_scene import Scene
+from rcl_interfaces.msg import ParameterEvent
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = QoSProfile(
@@ -39,10 +52,10 @@ _LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 PARAMETERS = {
-    "rate": Own(30.0, "frames a second of wall time at most", "Hz", low=0.1, high=1000.0),
-    "host": Own("127.0.0.1", "address that the WebSocket server listens on"),
-    "port": Own(8765, "port of the WebSocket server; 0: a free one; -1: none", low=-1, high=65535),
-    "trail": Own(600, "frames of the tip's trail that are shown", low=2, high=100000),
+    'rate': Own(30.0, 'frames a second of wall time at most', 'Hz', low=0.1, high=1000.0),
+    'host': Own('127.0.0.1', 'address that the WebSocket server listens on'),
+    'port': Own(8765, 'port of the WebSocket server; 0: a free one; -1: none', low=-1, high=65535),
+    'trail': Own(600, "frames of the tip's trail that are shown", low=2, high=100000),
 }
 
 
@@ -50,13 +63,13 @@ class ViewerNode(Node):
     """Listens to a run and shows it; `step` does one frame."""
 
     def __init__(self, argv: list[str]) -> None:
-        super().__init__("viewer")
+        super().__init__('viewer')
         for name, _ in assignments(argv, self.get_name()):
             if name not in PARAMETERS and not name.startswith(OF_ROS):
                 raise scenario.ScenarioError(
                     f"unknown parameter '{name}' (allowed: {', '.join(PARAMETERS)})"
                 )
-        declare_own(self, "viewer", PARAMETERS, argv)
+        declare_own(self, 'viewer', PARAMETERS, argv)
         self.stopping = threading.Event()
         self._told: dict[str, status.Status] = {}
         self._status = self.create_subscription(
@@ -75,14 +88,14 @@ class ViewerNode(Node):
         self._shown_ns = -1
 
     def _server(self) -> FoxgloveView | None:
-        port = int(self.get_parameter("port").value)
+        port = int(self.get_parameter('port').value)
         if port < 0:
             return None
-        return FoxgloveView(str(self.get_parameter("host").value), port)
+        return FoxgloveView(str(self.get_parameter('host').value), port)
 
     def _listen(self, config: RunConfig) -> None:
         """Show the arm of ``config`` from now on."""
-        self.scene = Scene(config, int(self.get_parameter("trail").value))
+        self.scene = Scene(config, int(self.get_parameter('trail').value))
         self._ros.describe(config)
         for index, topic in self.scene.topics.items():
             if index not in self._readers:
@@ -119,20 +132,20 @@ class ViewerNode(Node):
             if before is None or heard.identity > before.identity:
                 self._told[heard.role] = heard
                 news = True
-        if not news or "plant" not in self._told:
+        if not news or 'plant' not in self._told:
             return
         texts = {role: (s.node, s.parameters) for role, s in self._told.items() if s.parameters}
         try:
             config = told_config(self._given, texts)
         except Disagreement as error:
-            self.get_logger().debug(f"no scenario yet: {error}")
+            self.get_logger().debug(f'no scenario yet: {error}')
             return
         if config != self.scene.config:
             self._listen(config)
 
     def run(self) -> None:
         """Show frames until somebody sets ``stopping``."""
-        period = 1.0 / float(self.get_parameter("rate").value)
+        period = 1.0 / float(self.get_parameter('rate').value)
         while not self.stopping.wait(period) and self.context.ok():
             self.step()
 
@@ -145,9 +158,9 @@ class ViewerNode(Node):
 def view(argv: list[str]) -> int:
     """Run the viewer until a signal; 130 or 143 then, 2 where it cannot be."""
     try:
-        rclpy.init(args=["viewer", *argv], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=['viewer', *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rcl reports a bad command line so
-        print(f"viewer: {str(error).strip().splitlines()[0]}", file=sys.stderr)
+        print(f'viewer: {str(error).strip().splitlines()[0]}', file=sys.stderr)
         return 2
     caught = 0
     try:
@@ -161,15 +174,15 @@ def view(argv: list[str]) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, stop)
         if node.foxglove is not None:
-            host = node.get_parameter("host").value
-            print(f"open ws://{host}:{node.foxglove.port} in Foxglove or Lichtblick", flush=True)
+            host = node.get_parameter('host').value
+            print(f'open ws://{host}:{node.foxglove.port} in Foxglove or Lichtblick', flush=True)
         try:
             node.run()
         finally:
             node.close()
             node.destroy_node()
     except (ViewError, scenario.ScenarioError) as error:
-        print(f"viewer: {error}", file=sys.stderr)
+        print(f'viewer: {error}', file=sys.stderr)
         return 2
     finally:
         rclpy.try_shutdown()

@@ -1,35 +1,49 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The command line of the stand-in, and how it gives way to the real ``ros2``."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from importlib import import_module
 import os
+from pathlib import Path
 import shutil
 import signal
 import sys
-from collections.abc import Sequence
-from importlib import import_module
-from pathlib import Path
 from typing import NoReturn
 
-NAME = "ros2 stand-in of flexarm_ros"
+NAME = 'ros2 stand-in of flexarm_ros'
 ABOUT = (
-    "This is not ros2cli but a small stand-in that flexarm_ros installs where there is no ros2 "
-    "command. It has what `Commands` lists, and hands over to the real ros2 when one is on PATH."
+    'This is not ros2cli but a small stand-in that flexarm_ros installs where there is no ros2 '
+    'command. It has what `Commands` lists, and hands over to the real ros2 when one is on PATH.'
 )
-MARK = b"flexarm_ros.ros2_standin"
+MARK = b'flexarm_ros.ros2_standin'
 COMMANDS = {
-    "run": "packages",
-    "pkg": "packages",
-    "node": "graph",
-    "topic": "topics",
-    "service": "services",
-    "param": "params",
+    'run': 'packages',
+    'pkg': 'packages',
+    'node': 'graph',
+    'topic': 'topics',
+    'service': 'services',
+    'param': 'params',
 }
 # What the real command has besides; named so that the error can say where to get it.
 ELSEWHERE = {
-    *("action", "bag", "component", "control", "daemon", "doctor", "extensions", "interface"),
-    *("launch", "lifecycle", "multicast", "security", "trace", "wtf"),
+    *('action', 'bag', 'component', 'control', 'daemon', 'doctor', 'extensions', 'interface'),
+    *('launch', 'lifecycle', 'multicast', 'security', 'trace', 'wtf'),
 }
 
 
@@ -66,15 +80,15 @@ def add_own_prefix() -> None:
     The prefix of a virtual environment is an ament prefix like any other; `ros2 run` finds a
     package by the marker in its ``share/ament_index``.
     """
-    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
+    prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
     if sys.prefix not in prefixes:
-        os.environ["AMENT_PREFIX_PATH"] = os.pathsep.join([*prefixes, sys.prefix])
+        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*prefixes, sys.prefix])
 
 
 def real_ros2() -> str | None:
     """Return the first ``ros2`` on ``PATH`` that is not a stand-in."""
     for directory in os.get_exec_path():
-        found = shutil.which("ros2", path=directory)
+        found = shutil.which('ros2', path=directory)
         if found is not None and MARK not in Path(found).read_bytes()[:1000]:
             return found
     return None
@@ -83,30 +97,30 @@ def real_ros2() -> str | None:
 def hand_over(real: str, arguments: list[str]) -> NoReturn:
     """Replace this process by the real ``ros2``, without what the wheels put around it."""
     environment = dict(os.environ)
-    environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
-    libraries = environment.pop("LD_LIBRARY_PATH", "").split(os.pathsep)
+    environment.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None)
+    libraries = environment.pop('LD_LIBRARY_PATH', '').split(os.pathsep)
     libraries = [path for path in libraries if path and not path.startswith(sys.prefix)]
     if libraries:
-        environment["LD_LIBRARY_PATH"] = os.pathsep.join(libraries)
+        environment['LD_LIBRARY_PATH'] = os.pathsep.join(libraries)
     os.execve(real, [real, *arguments], environment)
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
     """Return the options of a command line, with the function to call as ``verb``."""
-    parser = argparse.ArgumentParser(prog="ros2", description=ABOUT)
-    parser.add_argument("--version", action="version", version=version())
-    commands = parser.add_subparsers(title="Commands", metavar="COMMAND", dest="command")
-    wanted = next((word for word in arguments if not word.startswith("-")), None)
+    parser = argparse.ArgumentParser(prog='ros2', description=ABOUT)
+    parser.add_argument('--version', action='version', version=version())
+    commands = parser.add_subparsers(title='Commands', metavar='COMMAND', dest='command')
+    wanted = next((word for word in arguments if not word.startswith('-')), None)
     if wanted in ELSEWHERE:
         parser.error(f"'{wanted}' is not in the {NAME}; it needs a ROS 2 install")
     for name, module in COMMANDS.items():
         # Only the command that is asked for is imported: `run` and `pkg` need no rclpy.
-        text = {"pkg": "package look-ups"}.get(name, f"{name} commands")
+        text = {'pkg': 'package look-ups'}.get(name, f'{name} commands')
         command = commands.add_parser(name, help=text, description=ABOUT)
         if name == wanted:
-            import_module(f"flexarm_ros.ros2_standin.{module}").add_verbs(name, command)
+            import_module(f'flexarm_ros.ros2_standin.{module}').add_verbs(name, command)
     options = parser.parse_args(arguments)
-    if "verb" not in options:
+    if 'verb' not in options:
         (commands.choices[options.command] if options.command else parser).print_help()
         raise SystemExit(0)
     return options
@@ -118,6 +132,6 @@ def version() -> str:
     from importlib.metadata import version as installed
 
     try:
-        return f"{NAME} {installed('flexarm_ros')} (not ros2cli)"
+        return f'{NAME} {installed("flexarm_ros")} (not ros2cli)'
     except PackageNotFoundError:
-        return f"{NAME} (not ros2cli)"
+        return f'{NAME} (not ros2cli)'

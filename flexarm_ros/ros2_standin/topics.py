@@ -1,59 +1,72 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """``ros2 topic``: what is published, and how often."""
 
 from __future__ import annotations
 
 import argparse
-import statistics
 from collections import deque
+import statistics
 from typing import Any
 
+from flexarm_ros.ros2_standin import session, values
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
-
-from flexarm_ros.ros2_standin import session, values
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 
 
 def add_verbs(name: str, command: argparse.ArgumentParser) -> None:
     """Add the verbs of ``topic``."""
-    verbs = command.add_subparsers(title="Verbs", metavar="VERB")
-    verb = verbs.add_parser("list", help="names of the topics")
+    verbs = command.add_subparsers(title='Verbs', metavar='VERB')
+    verb = verbs.add_parser('list', help='names of the topics')
     session.add_options(verb)
-    verb.add_argument("-t", "--show-types", action="store_true")
-    verb.add_argument("-c", "--count-topics", action="store_true")
-    verb.add_argument("--include-hidden-topics", action="store_true")
+    verb.add_argument('-t', '--show-types', action='store_true')
+    verb.add_argument('-c', '--count-topics', action='store_true')
+    verb.add_argument('--include-hidden-topics', action='store_true')
     verb.set_defaults(verb=list_topics)
     for word, text, function in (
-        ("type", "type of a topic", print_type),
-        ("info", "publishers and subscriptions of a topic", info),
-        ("hz", "rate of a topic", hz),
-        ("echo", "messages of a topic", echo),
+        ('type', 'type of a topic', print_type),
+        ('info', 'publishers and subscriptions of a topic', info),
+        ('hz', 'rate of a topic', hz),
+        ('echo', 'messages of a topic', echo),
     ):
         verb = verbs.add_parser(word, help=text)
         session.add_options(verb)
-        verb.add_argument("topic_name")
+        verb.add_argument('topic_name')
         verb.set_defaults(verb=function)
-        if word == "info":
-            verb.add_argument("-v", "--verbose", action="store_true", help="each endpoint")
-        elif word == "hz":
-            verb.add_argument("-w", "--window", type=int, default=10000, help="messages averaged")
-        elif word == "echo":
+        if word == 'info':
+            verb.add_argument('-v', '--verbose', action='store_true', help='each endpoint')
+        elif word == 'hz':
+            verb.add_argument('-w', '--window', type=int, default=10000, help='messages averaged')
+        elif word == 'echo':
             add_echo_options(verb)
 
 
 def add_echo_options(verb: argparse.ArgumentParser) -> None:
     """Add the options of ``topic echo``."""
-    verb.add_argument("message_type", nargs="?")
-    verb.add_argument("--once", action="store_true", help="print one message and exit")
-    verb.add_argument("--timeout", type=float, metavar="N", help="exit after so many seconds")
-    verb.add_argument("--field", help="a field of the message: pose.pose.position")
-    verb.add_argument("--csv", action="store_true", help="all fields, separated by commas")
-    verb.add_argument("--no-arr", action="store_true", help="leave arrays out")
-    verb.add_argument("--flow-style", action="store_true")
-    verb.add_argument("-f", "--full-length", action="store_true", help="arrays in full")
-    verb.add_argument("-l", "--truncate-length", type=int, default=128, metavar="N")
-    verb.add_argument("--qos-reliability", choices=("reliable", "best_effort"))
-    verb.add_argument("--qos-durability", choices=("volatile", "transient_local"))
+    verb.add_argument('message_type', nargs='?')
+    verb.add_argument('--once', action='store_true', help='print one message and exit')
+    verb.add_argument('--timeout', type=float, metavar='N', help='exit after so many seconds')
+    verb.add_argument('--field', help='a field of the message: pose.pose.position')
+    verb.add_argument('--csv', action='store_true', help='all fields, separated by commas')
+    verb.add_argument('--no-arr', action='store_true', help='leave arrays out')
+    verb.add_argument('--flow-style', action='store_true')
+    verb.add_argument('-f', '--full-length', action='store_true', help='arrays in full')
+    verb.add_argument('-l', '--truncate-length', type=int, default=128, metavar='N')
+    verb.add_argument('--qos-reliability', choices=('reliable', 'best_effort'))
+    verb.add_argument('--qos-durability', choices=('volatile', 'transient_local'))
 
 
 def topics(looker: Node, everything: bool = True) -> dict[str, list[str]]:
@@ -76,7 +89,7 @@ def list_topics(options: argparse.Namespace) -> int:
         print(len(found))
         return 0
     for name, types in found.items():
-        print(f"{name} [{', '.join(types)}]" if options.show_types else name)
+        print(f'{name} [{", ".join(types)}]' if options.show_types else name)
     return 0
 
 
@@ -98,10 +111,10 @@ def info(options: argparse.Namespace) -> int:
             raise RuntimeError(f"Unknown topic '{options.topic_name}'")
         writers = looker.get_publishers_info_by_topic(name)
         readers = looker.get_subscriptions_info_by_topic(name)
-    end = "\n\n" if options.verbose else "\n"
-    print(f"Type: {types[0] if len(types) == 1 else types}", end=end)
-    for title, endpoints in (("Publisher", writers), ("Subscription", readers)):
-        print(f"{title} count: {len(endpoints)}", end=end)
+    end = '\n\n' if options.verbose else '\n'
+    print(f'Type: {types[0] if len(types) == 1 else types}', end=end)
+    for title, endpoints in (('Publisher', writers), ('Subscription', readers)):
+        print(f'{title} count: {len(endpoints)}', end=end)
         for endpoint in endpoints if options.verbose else ():
             print(endpoint, end=end)
     return 0
@@ -112,12 +125,12 @@ def message_class(looker: Node, topic: str, name: str | None = None) -> Any:
     if name is None:
         types = wait_for_topic(looker, topic)
         if not types:
-            print(f"WARNING: topic [{topic}] does not appear to be published yet")
-            raise RuntimeError("Could not determine the type for the passed topic")
+            print(f'WARNING: topic [{topic}] does not appear to be published yet')
+            raise RuntimeError('Could not determine the type for the passed topic')
         if len(types) > 1:
             raise RuntimeError(f"Cannot echo topic '{topic}', as it contains more than one type")
         name = types[0]
-    return values.interface(name, "msg")
+    return values.interface(name, 'msg')
 
 
 def fitting_qos(looker: Node, topic: str, options: argparse.Namespace) -> QoSProfile:
@@ -128,9 +141,9 @@ def fitting_qos(looker: Node, topic: str, options: argparse.Namespace) -> QoSPro
         q.durability == DurabilityPolicy.TRANSIENT_LOCAL for q in offered
     )
     if options.qos_reliability is not None:
-        reliable = options.qos_reliability == "reliable"
+        reliable = options.qos_reliability == 'reliable'
     if options.qos_durability is not None:
-        latched = options.qos_durability == "transient_local"
+        latched = options.qos_durability == 'transient_local'
     return QoSProfile(
         depth=qos_profile_sensor_data.depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
@@ -152,14 +165,14 @@ def echo(options: argparse.Namespace) -> int:
         chosen = message if options.field is None else values.field(message, options.field)
         content = values.plain(chosen, limit, not options.no_arr)
         if options.csv:
-            print(",".join(str(leaf) for leaf in values.leaves(content)))
+            print(','.join(str(leaf) for leaf in values.leaves(content)))
         else:
-            print(values.as_yaml(content, options.flow_style), end="---\n")
+            print(values.as_yaml(content, options.flow_style), end='---\n')
 
     with session.node(options, discover=False) as looker:
         kind = message_class(looker, topic, options.message_type)
         looker.create_subscription(kind, topic, show, fitting_qos(looker, topic, options))
-        forever = float("inf") if options.timeout is None else options.timeout
+        forever = float('inf') if options.timeout is None else options.timeout
         session.wait_until(looker, lambda: options.once and printed > 0, forever)
     return 0
 
@@ -179,8 +192,8 @@ def hz(options: argparse.Namespace) -> int:
 
     with session.node(options, discover=False) as looker:
         if not wait_for_topic(looker, topic):
-            print(f"WARNING: topic [{topic}] does not appear to be published yet")
-            session.wait_until(looker, lambda: topic in topics(looker), float("inf"))
+            print(f'WARNING: topic [{topic}] does not appear to be published yet')
+            session.wait_until(looker, lambda: topic in topics(looker), float('inf'))
         kind = message_class(looker, topic)
         looker.create_subscription(kind, topic, arrived, qos_profile_sensor_data, raw=True)
         shown = last
@@ -196,7 +209,7 @@ def print_rate(periods: deque[float]) -> None:
     """Print the statistics of a window of periods, s."""
     mean = statistics.fmean(periods)
     print(
-        f"average rate: {1.0 / mean if mean > 0 else 0.0:.3f}\n"
-        f"\tmin: {min(periods):.3f}s max: {max(periods):.3f}s "
-        f"std dev: {statistics.pstdev(periods, mean):.5f}s window: {len(periods)}"
+        f'average rate: {1.0 / mean if mean > 0 else 0.0:.3f}\n'
+        f'\tmin: {min(periods):.3f}s max: {max(periods):.3f}s '
+        f'std dev: {statistics.pstdev(periods, mean):.5f}s window: {len(periods)}'
     )

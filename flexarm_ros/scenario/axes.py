@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Values of a sweep's axes: listed, in even steps, or drawn at random.
 
 Steps and draws of times that must be whole nanoseconds are rounded to the nanosecond, those
@@ -10,12 +24,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.core.parameters import SECTIONS, RunConfig, Spec, specs
+from flexarm_ros.core.parameters import RunConfig, SECTIONS, Spec, specs
 from flexarm_ros.scenario.convert import convert
-from flexarm_ros.scenario.errors import ScenarioError, clip
-from flexarm_ros.scenario.rclyaml import Mapping, Scalar, Sequence, Tree, float_text, show
+from flexarm_ros.scenario.errors import clip, ScenarioError
+from flexarm_ros.scenario.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
 from flexarm_ros.scenario.reader import FIELD_OF, find_key, full_name
 from flexarm_ros.scenario.treeread import as_integer, as_list, as_map, as_number, yaml_text
 
@@ -44,7 +58,7 @@ class Parameter:
     @property
     def name(self) -> str:
         """The dotted name, ``/**`` left out."""
-        return self.key if self.section == "/**" else full_name(self.section, self.key)
+        return self.key if self.section == '/**' else full_name(self.section, self.key)
 
     def value_of(self, config: RunConfig) -> Any:
         """Return what a scenario gives it."""
@@ -53,27 +67,27 @@ class Parameter:
 
     def number_text(self, value: float) -> str:
         """Return a computed number as it is set: rounded to what the key can take."""
-        if self.spec.kind == "int":
+        if self.spec.kind == 'int':
             return str(round(value))
         if self.spec.whole_ns:
-            text = format(Decimal(round(Fraction(value) * 10**9)).scaleb(-9).normalize(), "f")
-            return text if "." in text else text + ".0"
+            text = format(Decimal(round(Fraction(value) * 10**9)).scaleb(-9).normalize(), 'f')
+            return text if '.' in text else text + '.0'
         return float_text(value)
 
     def override(self, text: str) -> str:
         """Return a value's text as an override; one number stands for both of an array of two."""
-        both = self.spec.kind == "float2" and not text.startswith("[")
-        return f"{full_name(self.section, self.key)}={f'[{text}, {text}]' if both else text}"
+        both = self.spec.kind == 'float2' and not text.startswith('[')
+        return f'{full_name(self.section, self.key)}={f"[{text}, {text}]" if both else text}'
 
     def check(self, tree: Tree, where: str) -> str:
         """Return a listed value's text after checking it; ScenarioError names ``where``."""
-        both = self.spec.kind == "float2" and isinstance(tree, Scalar)
+        both = self.spec.kind == 'float2' and isinstance(tree, Scalar)
         convert(where, self.spec, Sequence((tree, tree)) if both else tree)
         return yaml_text(tree)
 
     def check_text(self, text: str, where: str) -> str:
         """Return a computed value's text after checking it."""
-        number: int | float = int(text) if self.spec.kind == "int" else float(text)
+        number: int | float = int(text) if self.spec.kind == 'int' else float(text)
         return self.check(Scalar(number, text), where)
 
 
@@ -83,32 +97,32 @@ def read_axis(parameter: Parameter, tree: Tree, where: str) -> tuple[str, ...]:
         return _steps(parameter, tree, where)
     items = as_list(tree, where)
     if not 1 <= len(items) <= MAX_VALUES:
-        raise ScenarioError(f"{where}: {len(items)} values; give 1 to {MAX_VALUES}")
-    return tuple(parameter.check(item, f"{where}[{i}]") for i, item in enumerate(items))
+        raise ScenarioError(f'{where}: {len(items)} values; give 1 to {MAX_VALUES}')
+    return tuple(parameter.check(item, f'{where}[{i}]') for i, item in enumerate(items))
 
 
 def _steps(parameter: Parameter, tree: Mapping, where: str) -> tuple[str, ...]:
     _needs_number(parameter, where)
-    entries = as_map(tree, where, ("from", "to", "count", "step", "scale"))
-    if not {"from", "to"} <= set(entries) or ("count" in entries) == ("step" in entries):
-        raise ScenarioError(f"{where}: give a list, or from, to and either count or step")
-    low, high = (_exact(entries[key], f"{where}.{key}") for key in ("from", "to"))
-    scale = entries.get("scale")
+    entries = as_map(tree, where, ('from', 'to', 'count', 'step', 'scale'))
+    if not {'from', 'to'} <= set(entries) or ('count' in entries) == ('step' in entries):
+        raise ScenarioError(f'{where}: give a list, or from, to and either count or step')
+    low, high = (_exact(entries[key], f'{where}.{key}') for key in ('from', 'to'))
+    scale = entries.get('scale')
     log = scale is not None and show(scale) == "'log'"
     if scale is not None and show(scale) not in ("'log'", "'linear'"):
-        raise ScenarioError(f"{where}.scale: {show(scale)} is not allowed; linear or log")
-    if "step" in entries:
-        values = _by_step(low, high, _exact(entries["step"], f"{where}.step"), where)
+        raise ScenarioError(f'{where}.scale: {show(scale)} is not allowed; linear or log')
+    if 'step' in entries:
+        values = _by_step(low, high, _exact(entries['step'], f'{where}.step'), where)
     else:
-        count = as_integer(entries["count"], f"{where}.count", 1, MAX_VALUES)
+        count = as_integer(entries['count'], f'{where}.count', 1, MAX_VALUES)
         values = _by_count(low, high, count, log, where)
     texts = [parameter.number_text(value) for value in values]
-    return tuple(parameter.check_text(text, f"{where}[{i}]") for i, text in enumerate(texts))
+    return tuple(parameter.check_text(text, f'{where}[{i}]') for i, text in enumerate(texts))
 
 
 def _needs_number(parameter: Parameter, where: str) -> None:
-    if parameter.spec.kind not in ("float", "int", "float2"):
-        raise ScenarioError(f"{where}: {parameter.name} is not a number; give a list of values")
+    if parameter.spec.kind not in ('float', 'int', 'float2'):
+        raise ScenarioError(f'{where}: {parameter.name} is not a number; give a list of values')
 
 
 def _exact(tree: Tree, where: str) -> Fraction:
@@ -120,7 +134,7 @@ def _by_step(low: Fraction, high: Fraction, step: Fraction, where: str) -> list[
         raise ScenarioError(f"{where}.step: {float(step):g} does not lead from 'from' to 'to'")
     count = (high - low) // step + 1
     if count > MAX_VALUES:
-        raise ScenarioError(f"{where}.step: {count} values; at most {MAX_VALUES}")
+        raise ScenarioError(f'{where}.step: {count} values; at most {MAX_VALUES}')
     return [float(low + i * step) for i in range(count)]
 
 
@@ -159,48 +173,48 @@ class Draw:
         generator = np.random.Generator(
             np.random.PCG64(np.random.SeedSequence(seed, spawn_key=name))
         )
-        if self.kind == "choice":
+        if self.kind == 'choice':
             return [self.arguments[i] for i in generator.integers(len(self.arguments), size=count)]
         width = 2 if self.independent else 1
         numbers = _DRAWS[self.kind](generator, self.arguments, (count, width))
-        if self.kind == "factor":
+        if self.kind == 'factor':
             numbers = numbers * np.asarray(self.parameter.value_of(config), dtype=float)
         if not np.isfinite(numbers).all():
-            raise ScenarioError(f"{self.parameter.name}: drawn values are not finite")
+            raise ScenarioError(f'{self.parameter.name}: drawn values are not finite')
         rows = numbers.tolist()
         if len(rows[0]) == 1:
             return [self.parameter.number_text(row[0]) for row in rows]
-        return ["[" + ", ".join(self.parameter.number_text(x) for x in row) + "]" for row in rows]
+        return ['[' + ', '.join(self.parameter.number_text(x) for x in row) + ']' for row in rows]
 
 
 _DRAWS: dict[str, Callable[[np.random.Generator, Any, Any], NDArray[np.float64]]] = {
-    "uniform": lambda g, a, size: g.uniform(a[0], a[1], size),
-    "loguniform": lambda g, a, size: a[0] * (a[1] / a[0]) ** g.uniform(0.0, 1.0, size),
-    "normal": lambda g, a, size: g.normal(a[0], a[1], size),
-    "factor": lambda g, a, size: g.uniform(a[0], a[1], size),
-    "integers": lambda g, a, size: g.integers(int(a[0]), int(a[1]) + 1, size).astype(float),
+    'uniform': lambda g, a, size: g.uniform(a[0], a[1], size),
+    'loguniform': lambda g, a, size: a[0] * (a[1] / a[0]) ** g.uniform(0.0, 1.0, size),
+    'normal': lambda g, a, size: g.normal(a[0], a[1], size),
+    'factor': lambda g, a, size: g.uniform(a[0], a[1], size),
+    'integers': lambda g, a, size: g.integers(int(a[0]), int(a[1]) + 1, size).astype(float),
 }
 
 
 def read_draw(name: str, tree: Tree, config: RunConfig, where: str) -> Draw:
     """Read how a parameter is drawn, ``{uniform: [low, high]}`` and its like."""
     parameter = Parameter.named(name)
-    kinds = (*_DRAWS, "choice")
-    entries = dict(as_map(tree, where, (*kinds, "independent")))
-    flag = entries.pop("independent", None)
+    kinds = (*_DRAWS, 'choice')
+    entries = dict(as_map(tree, where, (*kinds, 'independent')))
+    flag = entries.pop('independent', None)
     independent = flag is not None and isinstance(flag, Scalar) and flag.value is True
     if len(entries) != 1:
-        raise ScenarioError(f"{where}: give exactly one of {', '.join(kinds)}")
+        raise ScenarioError(f'{where}: give exactly one of {", ".join(kinds)}')
     kind, values = next(iter(entries.items()))
-    place = f"{where}.{kind}"
-    if kind == "choice":
+    place = f'{where}.{kind}'
+    if kind == 'choice':
         texts = read_axis(parameter, values, place)
         return Draw(parameter, kind, texts)
     _needs_number(parameter, place)
-    if independent and parameter.spec.kind != "float2":
-        raise ScenarioError(f"{where}.independent: {parameter.name} is one number")
-    if kind == "factor" and parameter.value_of(config) is None:
-        raise ScenarioError(f"{place}: the scenario gives no {parameter.name} to multiply")
+    if independent and parameter.spec.kind != 'float2':
+        raise ScenarioError(f'{where}.independent: {parameter.name} is one number')
+    if kind == 'factor' and parameter.value_of(config) is None:
+        raise ScenarioError(f'{place}: the scenario gives no {parameter.name} to multiply')
     arguments = tuple(as_number(item, place) for item in as_list(values, place))
     _check_arguments(kind, arguments, place)
     return Draw(parameter, kind, arguments, independent)
@@ -208,18 +222,18 @@ def read_draw(name: str, tree: Tree, config: RunConfig, where: str) -> Draw:
 
 def _check_arguments(kind: str, arguments: tuple[float, ...], where: str) -> None:
     if len(arguments) != 2:
-        raise ScenarioError(f"{where}: {len(arguments)} values; it takes two")
+        raise ScenarioError(f'{where}: {len(arguments)} values; it takes two')
     first, second = arguments
-    if kind == "normal":
+    if kind == 'normal':
         if second < 0.0:
-            raise ScenarioError(f"{where}: a standard deviation of {second:g} is below 0")
+            raise ScenarioError(f'{where}: a standard deviation of {second:g} is below 0')
     elif first > second:
-        raise ScenarioError(f"{where}: [{first:g}, {second:g}] is not [low, high]")
-    if kind == "loguniform" and first <= 0.0:
-        raise ScenarioError(f"{where}: {first:g} must be above 0")
-    if kind == "integers" and not (first.is_integer() and second.is_integer()):
-        raise ScenarioError(f"{where}: [{first:g}, {second:g}] are not integers")
+        raise ScenarioError(f'{where}: [{first:g}, {second:g}] is not [low, high]')
+    if kind == 'loguniform' and first <= 0.0:
+        raise ScenarioError(f'{where}: {first:g} must be above 0')
+    if kind == 'integers' and not (first.is_integer() and second.is_integer()):
+        raise ScenarioError(f'{where}: [{first:g}, {second:g}] are not integers')
     sizes = [abs(value) for value in arguments if value]
-    most, least = (2.0**53, 1.0) if kind == "integers" else (1e100, 1e-100)
+    most, least = (2.0**53, 1.0) if kind == 'integers' else (1e100, 1e-100)
     if any(not least <= size <= most for size in sizes):
-        raise ScenarioError(f"{where}: {clip(repr(list(arguments)))} is too large or too small")
+        raise ScenarioError(f'{where}: {clip(repr(list(arguments)))} is too large or too small')

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Checks of a scenario as a whole: what one key's Spec cannot say.
 
 The core judges what its formulas need (:mod:`flexarm_ros.core.checks`); here are the limits
@@ -9,7 +23,7 @@ from __future__ import annotations
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.scenario.convert import exact_ns
-from flexarm_ros.scenario.errors import ScenarioError, clip
+from flexarm_ros.scenario.errors import clip, ScenarioError
 
 MAX_BUFFER_TICKS = 1_000_000
 """Longest latency in ticks: a sensor keeps that many past values."""
@@ -27,20 +41,20 @@ def check(config: RunConfig) -> None:
 
 def _check_buffers(config: RunConfig) -> None:
     period = exact_ns(repr(config.run.control_period)) or 1
-    for section in ("encoder", "tip_sensor"):
+    for section in ('encoder', 'tip_sensor'):
         latency = getattr(config, section).latency
         if (exact_ns(repr(latency)) or 0) > MAX_BUFFER_TICKS * period:
             raise ScenarioError(
-                f"{section}.latency: {latency!r} s is more than {MAX_BUFFER_TICKS} ticks of "
-                f"{config.run.control_period!r} s (/**.control_period)"
+                f'{section}.latency: {latency!r} s is more than {MAX_BUFFER_TICKS} ticks of '
+                f'{config.run.control_period!r} s (/**.control_period)'
             )
 
 
 def _check_torques(config: RunConfig) -> None:
-    if config.controller.law == "open_loop" and not config.torques:
+    if config.controller.law == 'open_loop' and not config.torques:
         given = config.controller.torque_file is not None
         raise ScenarioError(
-            f"controller.torque_file: {'its rows are not at hand' if given else 'missing'}; "
+            f'controller.torque_file: {"its rows are not at hand" if given else "missing"}; '
             "law 'open_loop' needs a CSV file t,tau1,tau2"
         )
 
@@ -48,23 +62,22 @@ def _check_torques(config: RunConfig) -> None:
 def _check_model(config: RunConfig) -> None:
     """Let the core judge, and bound the steps that it would take."""
     # Imported here: compiled code takes half a second to import, and errors above need none.
-    import numpy as np
-
     from flexarm_ros.core import checks
     from flexarm_ros.core.plant import choose_substeps, highest_frequency
+    import numpy as np
 
     try:
-        with np.errstate(all="ignore"):
+        with np.errstate(all='ignore'):
             checks.check(config)
             highest = highest_frequency(config)
             substeps = choose_substeps(config.plant, config.run.control_period, highest)
     except ValueError as error:
         raise ScenarioError(clip(str(error), 400)) from None
     except (ArithmeticError, MemoryError) as error:
-        raise ScenarioError(f"plant: no finite model of these parameters ({error})") from None
+        raise ScenarioError(f'plant: no finite model of these parameters ({error})') from None
     if substeps > MAX_SUBSTEPS:
         raise ScenarioError(
-            f"plant.substeps: left out, and {substeps:.3g} would be needed for a highest "
-            f"frequency of {highest:.4g} rad/s; at most {MAX_SUBSTEPS}: take a shorter "
-            "/**.control_period"
+            f'plant.substeps: left out, and {substeps:.3g} would be needed for a highest '
+            f'frequency of {highest:.4g} rad/s; at most {MAX_SUBSTEPS}: take a shorter '
+            '/**.control_period'
         )

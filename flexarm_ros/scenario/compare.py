@@ -1,17 +1,31 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Comparisons between the metrics of several runs, the claims of a suite."""
 
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 import itertools
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
-from flexarm_ros.scenario.errors import ScenarioError, clip, suggestion
-from flexarm_ros.scenario.expect import Metrics, Outcome, known_metric, lookup
+from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
+from flexarm_ros.scenario.expect import known_metric, lookup, Metrics, Outcome
 
 _BINARY: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -27,7 +41,7 @@ _RELATIONS: dict[type, Callable[[Any, Any], bool]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-_FUNCTIONS: dict[str, Callable[..., float]] = {"abs": abs, "min": min, "max": max}
+_FUNCTIONS: dict[str, Callable[..., float]] = {'abs': abs, 'min': min, 'max': max}
 MAX_COMPARISON = 500
 """Longest text of a comparison."""
 
@@ -62,13 +76,13 @@ class Comparison:
 
     def _tree(self) -> ast.Compare:
         if len(self.text) > MAX_COMPARISON:
-            raise ScenarioError(f"longer than {MAX_COMPARISON} characters")
+            raise ScenarioError(f'longer than {MAX_COMPARISON} characters')
         try:
-            body = ast.parse(self.text.strip(), mode="eval").body
+            body = ast.parse(self.text.strip(), mode='eval').body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise ScenarioError("not a comparison like a.max_error < b.max_error") from None
+            raise ScenarioError('not a comparison like a.max_error < b.max_error') from None
         if not isinstance(body, ast.Compare) or any(type(op) not in _RELATIONS for op in body.ops):
-            raise ScenarioError("not a comparison; it needs one of < <= > >= == !=")
+            raise ScenarioError('not a comparison; it needs one of < <= > >= == !=')
         return body
 
     def check(self, runs: Mapping[str, Metrics]) -> Outcome:
@@ -77,15 +91,15 @@ class Comparison:
         try:
             sides = [_value(side, runs) for side in (compare.left, *compare.comparators)]
         except (_Missing, ZeroDivisionError, OverflowError) as error:
-            reason = str(error) if isinstance(error, _Missing) else "no finite value"
-            return Outcome(None, f"{self.text}: not known ({reason})")
+            reason = str(error) if isinstance(error, _Missing) else 'no finite value'
+            return Outcome(None, f'{self.text}: not known ({reason})')
         if not all(map(math.isfinite, sides)):
-            return Outcome(None, f"{self.text}: not known (no finite value)")
+            return Outcome(None, f'{self.text}: not known (no finite value)')
         relations = [_RELATIONS[type(op)] for op in compare.ops]
         pairs = zip(relations, itertools.pairwise(sides), strict=True)
         holds = all(relation(*pair) for relation, pair in pairs)
-        shown = " vs ".join(f"{value:.6g}" for value in sides)
-        return Outcome(holds, f"{self.text}: {shown}")
+        shown = ' vs '.join(f'{value:.6g}' for value in sides)
+        return Outcome(holds, f'{self.text}: {shown}')
 
 
 def _reference(node: ast.expr) -> tuple[str, str, int | None] | None:
@@ -101,7 +115,7 @@ def _reference(node: ast.expr) -> tuple[str, str, int | None] | None:
     if isinstance(base, ast.Name):
         return base.id, node.attr, index
     named = (
-        isinstance(base, ast.Call) and isinstance(base.func, ast.Name) and base.func.id == "case"
+        isinstance(base, ast.Call) and isinstance(base.func, ast.Name) and base.func.id == 'case'
     )
     if named and isinstance(base, ast.Call) and len(base.args) == 1 and not base.keywords:
         argument = base.args[0]
@@ -116,11 +130,11 @@ def _check(node: ast.expr, cases: list[str]) -> None:
         case, metric, _ = reference
         if case not in cases:
             raise ScenarioError(f"unknown case '{clip(case)}'{suggestion(case, cases)}")
-        known_metric(metric, "metric")
+        known_metric(metric, 'metric')
         return
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
         if isinstance(node.value, bool) or not abs(node.value) < 1e300:
-            raise ScenarioError(f"{clip(repr(node.value))} is not a finite number")
+            raise ScenarioError(f'{clip(repr(node.value))} is not a finite number')
         return
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
         parts = [node.left, node.right]
@@ -129,7 +143,7 @@ def _check(node: ast.expr, cases: list[str]) -> None:
     elif _is_function(node):
         parts = node.args  # type: ignore[attr-defined]
     else:
-        raise ScenarioError("only case.metric, numbers, + - * /, abs, min and max are allowed")
+        raise ScenarioError('only case.metric, numbers, + - * /, abs, min and max are allowed')
     for part in parts:
         _check(part, cases)
 
@@ -140,7 +154,7 @@ def _is_function(node: ast.expr) -> bool:
         and isinstance(node.func, ast.Name)
         and node.func.id in _FUNCTIONS
         and not node.keywords
-        and (len(node.args) == 1 if node.func.id == "abs" else len(node.args) >= 2)
+        and (len(node.args) == 1 if node.func.id == 'abs' else len(node.args) >= 2)
     )
 
 
@@ -150,7 +164,7 @@ def _value(node: ast.expr, runs: Mapping[str, Metrics]) -> float:
         case, metric, index = reference
         found = lookup(runs.get(case, {}), metric, index)
         if found is None or isinstance(found, (str, list)):
-            raise _Missing(f"{case}.{metric}" + (f"[{index}]" if index is not None else ""))
+            raise _Missing(f'{case}.{metric}' + (f'[{index}]' if index is not None else ''))
         return float(found)
     if isinstance(node, ast.Constant):
         return float(node.value)  # type: ignore[arg-type]

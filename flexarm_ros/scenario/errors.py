@@ -1,9 +1,23 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The one error that a bad scenario, suite, sweep or torque file gives."""
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
+import difflib
 
 
 class ScenarioError(ValueError):
@@ -13,10 +27,10 @@ class ScenarioError(ValueError):
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest of ``known``, or an empty text."""
     near = difflib.get_close_matches(word[:100], list(known), n=1, cutoff=0.6)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    return f"; did you mean '{near[0]}'?" if near else ''
 
 
 def clip(text: str, width: int = 80) -> str:
     """Return ``text`` fit for one line of an error: printable and not too long."""
     shown = text if text.isprintable() else repr(text)[1:-1]
-    return shown if len(shown) <= width else shown[: width - 3] + "..."
+    return shown if len(shown) <= width else shown[: width - 3] + '...'

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What a suite expects of a run's metrics.
 
 A metric is a key of ``summary.json``.  A metric with several values
@@ -7,38 +21,38 @@ an index from 0, ``overshoot[1]``.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
-from flexarm_ros.scenario.errors import ScenarioError, clip, suggestion
+from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
 from flexarm_ros.scenario.rclyaml import Mapping as MapTree
-from flexarm_ros.scenario.rclyaml import Scalar, Sequence, Tree, show
+from flexarm_ros.scenario.rclyaml import Scalar, Sequence, show, Tree
 from flexarm_ros.scenario.treeread import as_list, as_map, as_number
 
 Metrics = Mapping[str, Any]
 
 METRICS = (
-    "stable", "rms_error", "max_error", "tip_rms_error", "tip_max_error", "overshoot",
-    "max_overshoot", "tip_overshoot", "max_deflection", "max_torque", "ticks", "wall_s", "rtf",
-    "complete", "unstable_tick", "problem", "status",
+    'stable', 'rms_error', 'max_error', 'tip_rms_error', 'tip_max_error', 'overshoot',
+    'max_overshoot', 'tip_overshoot', 'max_deflection', 'max_torque', 'ticks', 'wall_s', 'rtf',
+    'complete', 'unstable_tick', 'problem', 'status',
 )  # fmt: skip
 """Names that may be expected: those of ``summary.json``, and ``status``, the exit status
 that the run alone would have had."""
 
-_REFERENCE = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(?:\[(\d{1,4})\])?")
+_REFERENCE = re.compile(r'([A-Za-z_][A-Za-z0-9_]*)(?:\[(\d{1,4})\])?')
 _COMPARE: dict[str, tuple[str, Callable[[Any, Any], bool]]] = {
-    "eq": ("=", operator.eq),
-    "ne": ("!=", operator.ne),
-    "lt": ("<", operator.lt),
-    "le": ("<=", operator.le),
-    "gt": (">", operator.gt),
-    "ge": (">=", operator.ge),
+    'eq': ('=', operator.eq),
+    'ne': ('!=', operator.ne),
+    'lt': ('<', operator.lt),
+    'le': ('<=', operator.le),
+    'gt': ('>', operator.gt),
+    'ge': ('>=', operator.ge),
 }
-OPERATORS = (*_COMPARE, "near", "between", "contains")
+OPERATORS = (*_COMPARE, 'near', 'between', 'contains')
 
 
 def known_metric(name: str, where: str) -> tuple[str, int | None]:
@@ -73,15 +87,15 @@ class Expectation:
     @property
     def name(self) -> str:
         """The metric as it is written, with its index."""
-        return self.metric if self.index is None else f"{self.metric}[{self.index}]"
+        return self.metric if self.index is None else f'{self.metric}[{self.index}]'
 
     def __str__(self) -> str:
-        if self.op == "near":
-            return f"{self.name} = {self.value:.6g} +- {self.tolerance:.3g}"
-        if self.op == "between":
-            return f"{self.value[0]:.6g} <= {self.name} <= {self.value[1]:.6g}"
+        if self.op == 'near':
+            return f'{self.name} = {self.value:.6g} +- {self.tolerance:.3g}'
+        if self.op == 'between':
+            return f'{self.value[0]:.6g} <= {self.name} <= {self.value[1]:.6g}'
         sign = _COMPARE[self.op][0] if self.op in _COMPARE else self.op
-        return f"{self.name} {sign} {format_value(self.value)}"
+        return f'{self.name} {sign} {format_value(self.value)}'
 
     def check(self, metrics: Metrics) -> Outcome:
         """Compare with a run's metrics.
@@ -89,24 +103,24 @@ class Expectation:
         A metric that is not known fulfils ``null`` and every ``ne`` but that of ``null``.
         """
         found = lookup(metrics, self.metric, self.index)
-        if found is None and (self.op == "ne" or (self.op == "eq" and self.value is None)):
-            return Outcome(_COMPARE[self.op][1](None, self.value), f"{self}: null")
+        if found is None and (self.op == 'ne' or (self.op == 'eq' and self.value is None)):
+            return Outcome(_COMPARE[self.op][1](None, self.value), f'{self}: null')
         if found is None:
-            return Outcome(None, f"{self}: not known")
+            return Outcome(None, f'{self}: not known')
         items = found if isinstance(found, list) else [found]
         holds = bool(items) and all(self._holds(item) for item in items)
-        return Outcome(holds, f"{self}: {format_value(found)}")
+        return Outcome(holds, f'{self}: {format_value(found)}')
 
     def _holds(self, item: Any) -> bool:
-        if self.op == "contains":
+        if self.op == 'contains':
             return str(self.value) in str(item)
-        if self.op in ("eq", "ne"):
+        if self.op in ('eq', 'ne'):
             return _COMPARE[self.op][1](item, self.value)
         if isinstance(item, (str, bool)) or item is None:
             return False
-        if self.op == "near":
+        if self.op == 'near':
             return bool(abs(item - self.value) <= self.tolerance)
-        if self.op == "between":
+        if self.op == 'between':
             return bool(self.value[0] <= item <= self.value[1])
         return _COMPARE[self.op][1](item, self.value)
 
@@ -131,12 +145,12 @@ def lookup(metrics: Metrics, name: str, index: int | None) -> Any:
 def format_value(value: Any) -> str:
     """Return a metric's value in few digits."""
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return f'{value:.6g}'
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(format_value(item) for item in value) + "]"
+        return '[' + ', '.join(format_value(item) for item in value) + ']'
     if isinstance(value, bool):
         return str(value).lower()
-    return "null" if value is None else str(value)
+    return 'null' if value is None else str(value)
 
 
 def read_expectations(tree: Tree, where: str) -> tuple[Expectation, ...]:
@@ -144,44 +158,44 @@ def read_expectations(tree: Tree, where: str) -> tuple[Expectation, ...]:
     found: list[Expectation] = []
     for name, wanted in as_map(tree, where).items():
         metric, index = known_metric(name, where)
-        place = f"{where}.{name}"
+        place = f'{where}.{name}'
         if isinstance(wanted, MapTree):
             found += _conditions(metric, index, wanted, place)
         else:
-            found.append(Expectation(metric, index, "eq", _literal(wanted, place)))
+            found.append(Expectation(metric, index, 'eq', _literal(wanted, place)))
     return tuple(found)
 
 
 def _literal(tree: Tree, where: str) -> Any:
     if isinstance(tree, Sequence):
-        raise ScenarioError(f"{where}: {show(tree)}: expect one item by its index, name[0]")
+        raise ScenarioError(f'{where}: {show(tree)}: expect one item by its index, name[0]')
     assert isinstance(tree, Scalar)
     if isinstance(tree.value, float):
         return as_number(tree, where)
-    return None if tree.value == "null" else tree.value  # a text in rcl's YAML
+    return None if tree.value == 'null' else tree.value  # a text in rcl's YAML
 
 
 def _conditions(
     metric: str, index: int | None, tree: MapTree, where: str
 ) -> Iterable[Expectation]:  # fmt: skip
-    entries = as_map(tree, where, (*OPERATORS, "abs", "rel"))
-    tolerances = {"abs", "rel"} & set(entries)
-    if tolerances and "near" not in entries:
+    entries = as_map(tree, where, (*OPERATORS, 'abs', 'rel'))
+    tolerances = {'abs', 'rel'} & set(entries)
+    if tolerances and 'near' not in entries:
         raise ScenarioError(f"{where}: 'abs' and 'rel' are tolerances of 'near', which is missing")
     if not entries:
-        raise ScenarioError(f"{where}: no condition (allowed: {', '.join(OPERATORS)})")
+        raise ScenarioError(f'{where}: no condition (allowed: {", ".join(OPERATORS)})')
     for op, value in entries.items():
-        place = f"{where}.{op}"
-        if op in ("abs", "rel"):
+        place = f'{where}.{op}'
+        if op in ('abs', 'rel'):
             continue
-        if op == "near":
+        if op == 'near':
             yield _near(metric, index, entries, where)
-        elif op == "between":
+        elif op == 'between':
             bounds = tuple(as_number(item, place) for item in as_list(value, place))
             if len(bounds) != 2 or bounds[0] > bounds[1]:
-                raise ScenarioError(f"{place}: {show(value)} is not [low, high]")
+                raise ScenarioError(f'{place}: {show(value)} is not [low, high]')
             yield Expectation(metric, index, op, bounds)
-        elif op in ("eq", "ne", "contains"):
+        elif op in ('eq', 'ne', 'contains'):
             yield Expectation(metric, index, op, _literal(value, place))
         else:
             yield Expectation(metric, index, op, as_number(value, place))
@@ -190,9 +204,9 @@ def _conditions(
 def _near(
     metric: str, index: int | None, entries: dict[str, Tree], where: str
 ) -> Expectation:  # fmt: skip
-    value = as_number(entries["near"], f"{where}.near")
-    if "abs" not in entries and "rel" not in entries:
+    value = as_number(entries['near'], f'{where}.near')
+    if 'abs' not in entries and 'rel' not in entries:
         raise ScenarioError(f"{where}.near: give a tolerance beside it, 'abs' or 'rel'")
-    absolute = as_number(entries["abs"], f"{where}.abs", 0.0) if "abs" in entries else 0.0
-    relative = as_number(entries["rel"], f"{where}.rel", 0.0) if "rel" in entries else 0.0
-    return Expectation(metric, index, "near", value, max(absolute, relative * abs(value)))
+    absolute = as_number(entries['abs'], f'{where}.abs', 0.0) if 'abs' in entries else 0.0
+    relative = as_number(entries['rel'], f'{where}.rel', 0.0) if 'rel' in entries else 0.0
+    return Expectation(metric, index, 'near', value, max(absolute, relative * abs(value)))

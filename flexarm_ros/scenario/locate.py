@@ -1,16 +1,30 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Where the shipped scenarios, suites and sweeps are, however the package was installed."""
 
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
+import sys
 
 import flexarm_ros
-from flexarm_ros.scenario.errors import ScenarioError, clip, suggestion
+from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
 
-PACKAGE = "flexarm_ros"
-SUFFIXES = (".yaml", ".yml")
+PACKAGE = 'flexarm_ros'
+SUFFIXES = ('.yaml', '.yml')
 
 
 def config_directories() -> list[Path]:
@@ -22,29 +36,29 @@ def config_directories() -> list[Path]:
     """
     package = Path(flexarm_ros.__file__).resolve().parent
     prefixes = [*package.parents, Path(sys.prefix)]
-    prefixes += [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
-    candidates = [package.parent / "config"]
-    candidates += [prefix / "share" / PACKAGE / "config" for prefix in prefixes]
+    prefixes += [Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
+    candidates = [package.parent / 'config']
+    candidates += [prefix / 'share' / PACKAGE / 'config' for prefix in prefixes]
     found: list[Path] = []
     for candidate in candidates:
-        if candidate not in found and (candidate / "fls_tip.yaml").is_file():
+        if candidate not in found and (candidate / 'fls_tip.yaml').is_file():
             found.append(candidate)
     return found
 
 
 def _kind(path: Path) -> str:
-    for line in path.read_text("utf-8").splitlines():
-        if line.startswith("cases:"):
-            return "suite"
-        if line.startswith(("grid:", "draw:")):
-            return "sweep"
-    return "scenario"
+    for line in path.read_text('utf-8').splitlines():
+        if line.startswith('cases:'):
+            return 'suite'
+        if line.startswith(('grid:', 'draw:')):
+            return 'sweep'
+    return 'scenario'
 
 
 def _named(kind: str) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for directory in config_directories()[:1]:
-        for path in sorted(directory.glob("*.yaml")):
+        for path in sorted(directory.glob('*.yaml')):
             if _kind(path) == kind:
                 found[path.stem] = path
     return found
@@ -52,17 +66,17 @@ def _named(kind: str) -> dict[str, Path]:
 
 def shipped() -> dict[str, Path]:
     """Return ``{name: path}`` of the shipped scenarios, sorted by name."""
-    return _named("scenario")
+    return _named('scenario')
 
 
 def shipped_suites() -> dict[str, Path]:
     """Return ``{name: path}`` of the shipped suites."""
-    return _named("suite")
+    return _named('suite')
 
 
 def shipped_sweeps() -> dict[str, Path]:
     """Return ``{name: path}`` of the shipped sweeps."""
-    return _named("sweep")
+    return _named('sweep')
 
 
 def find(
@@ -84,20 +98,20 @@ def find(
     except (OSError, ValueError):
         exists = False
     if exists:
-        raise ScenarioError(f"{clip(text)}: not a file")
+        raise ScenarioError(f'{clip(text)}: not a file')
     if path.suffix in SUFFIXES or os.sep in text:
-        raise ScenarioError(f"{clip(text)}: no such file")
+        raise ScenarioError(f'{clip(text)}: no such file')
     raise ScenarioError(
-        f"{clip(text)}: neither a file nor a shipped name"
-        f"{suggestion(text, known) or '; see: flexarm list'}"
+        f'{clip(text)}: neither a file nor a shipped name'
+        f'{suggestion(text, known) or "; see: flexarm list"}'
     )
 
 
 def first_comment(path: Path) -> str:
     """Return a file's first comment line, its description in ``flexarm list``."""
-    for line in path.read_text("utf-8").splitlines():
-        if line.startswith("#"):
-            return line.lstrip("# ").strip()
+    for line in path.read_text('utf-8').splitlines():
+        if line.startswith('#'):
+            return line.lstrip('# ').strip()
         if line.strip():
             break
-    return ""
+    return ''

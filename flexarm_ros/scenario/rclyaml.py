@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """YAML as rcl's parameter parser reads it, and a writer that rcl and PyYAML read alike.
 
 rcl decides what a scalar is with ``strtoll`` and ``strtod`` (rcl_yaml_param_parser,
@@ -7,15 +21,14 @@ rcl decides what a scalar is with ``strtoll`` and ``strtod`` (rcl_yaml_param_par
 
 from __future__ import annotations
 
-import re
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+import re
+import sys
 from typing import Any
 
+from flexarm_ros.scenario.errors import clip, ScenarioError
 import yaml
-
-from flexarm_ros.scenario.errors import ScenarioError, clip
 
 MAX_DEPTH = 16
 """Deepest nesting of maps and arrays that is read; a scenario needs about five."""
@@ -27,22 +40,22 @@ PlainValue = bool | int | float | str
 
 _BOOLS = {
     **dict.fromkeys(
-        ("Y", "y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"), True
+        ('Y', 'y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', 'On', 'ON'), True
     ),
     **dict.fromkeys(
-        ("N", "n", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF"), False
+        ('N', 'n', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'), False
     ),
 }
-_SPECIAL = re.compile(r"(?:[+-]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))")
-_SPACE = r"[ \t\n\v\f\r]*"
-_INTEGER = re.compile(_SPACE + r"([+-]?)(?:0[xX]([0-9a-fA-F]+)|(0[0-7]*)|([1-9][0-9]*))")
-_DECIMAL = re.compile(_SPACE + r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_SPECIAL = re.compile(r'(?:[+-]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))')
+_SPACE = r'[ \t\n\v\f\r]*'
+_INTEGER = re.compile(_SPACE + r'([+-]?)(?:0[xX]([0-9a-fA-F]+)|(0[0-7]*)|([1-9][0-9]*))')
+_DECIMAL = re.compile(_SPACE + r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?')
 _HEX_FLOAT = re.compile(
-    _SPACE + r"([+-]?0[xX](?:[0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]+))([pP][+-]?[0-9]+)?"
+    _SPACE + r'([+-]?0[xX](?:[0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]+))([pP][+-]?[0-9]+)?'
 )
-_WORD = re.compile(_SPACE + r"([+-]?)(?:(inf|infinity)|nan(?:\([0-9A-Za-z_]*\))?)", re.IGNORECASE)
+_WORD = re.compile(_SPACE + r'([+-]?)(?:(inf|infinity)|nan(?:\([0-9A-Za-z_]*\))?)', re.IGNORECASE)
 
-_CParser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_CParser: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,31 +112,31 @@ def _integer(text: str) -> int | None:
         return None
     sign, hexadecimal, octal, decimal = match.groups()
     size = int(hexadecimal, 16) if hexadecimal else int(octal, 8) if octal else int(decimal)
-    value = -size if sign == "-" else size
+    value = -size if sign == '-' else size
     return value if -(2**63) <= value < 2**63 else None
 
 
 def _double(text: str) -> float | None:
     if _SPECIAL.fullmatch(text):
-        return float(text.replace(".", ""))
+        return float(text.replace('.', ''))
     word = _WORD.fullmatch(text)
     if word is not None:
-        return float(word[1] + ("inf" if word[2] else "nan"))
+        return float(word[1] + ('inf' if word[2] else 'nan'))
     if _DECIMAL.fullmatch(text):
         value = float(text)
-        mantissa = re.split("[eE]", text)[0]
-        zero = not re.search("[1-9]", mantissa)
+        mantissa = re.split('[eE]', text)[0]
+        zero = not re.search('[1-9]', mantissa)
         exact = False
     elif (match := _HEX_FLOAT.fullmatch(text)) is not None:
         try:
-            value = float.fromhex(match[1] + (match[2] or ""))
+            value = float.fromhex(match[1] + (match[2] or ''))
         except OverflowError:
             return None
-        zero = not re.search("[1-9a-fA-F]", match[1][match[1].lower().index("x") :])
+        zero = not re.search('[1-9a-fA-F]', match[1][match[1].lower().index('x') :])
         exact = value != 0.0
     else:
         return None
-    if value in (float("inf"), float("-inf")):
+    if value in (float('inf'), float('-inf')):
         return None
     tiny = abs(value) < sys.float_info.min
     return None if tiny and not zero and not exact else value
@@ -140,17 +153,17 @@ def parse(text: str) -> Tree | None:
         return _Builder(text).build()
     except yaml.MarkedYAMLError as error:
         where = error.problem_mark or error.context_mark
-        place = f"line {where.line + 1}: " if where is not None else ""
+        place = f'line {where.line + 1}: ' if where is not None else ''
         raise ScenarioError(
-            f"{place}not valid YAML: {clip(str(error.problem or error.context))}"
+            f'{place}not valid YAML: {clip(str(error.problem or error.context))}'
         ) from None
     except yaml.YAMLError as error:
-        raise ScenarioError(f"not valid YAML: {clip(str(error).splitlines()[0])}") from None
+        raise ScenarioError(f'not valid YAML: {clip(str(error).splitlines()[0])}') from None
     except (UnicodeError, ValueError, OverflowError, IndexError, RecursionError) as error:
         if isinstance(error, ScenarioError):
             raise
         # PyYAML lets some of these through for malformed escapes and version directives.
-        raise ScenarioError(f"not valid YAML: {clip(str(error))}") from None
+        raise ScenarioError(f'not valid YAML: {clip(str(error))}') from None
 
 
 class _Builder:
@@ -164,7 +177,7 @@ class _Builder:
         root: Tree | None = None
         for event in self._events:
             if isinstance(event, yaml.DocumentStartEvent) and root is not None:
-                raise ScenarioError(f"line {_line(event)}: only one YAML document is allowed")
+                raise ScenarioError(f'line {_line(event)}: only one YAML document is allowed')
             if isinstance(event, (yaml.NodeEvent, yaml.CollectionStartEvent)):
                 if isinstance(event, yaml.ScalarEvent) and not event.value and _plain(event):
                     continue
@@ -174,15 +187,15 @@ class _Builder:
     def _value(self, event: Any, depth: int) -> Tree:
         if depth > MAX_DEPTH:
             raise ScenarioError(
-                f"line {_line(event)}: nested too deeply (at most {MAX_DEPTH} levels)"
+                f'line {_line(event)}: nested too deeply (at most {MAX_DEPTH} levels)'
             )
         self._nodes += 1
         if self._nodes > MAX_NODES:
-            raise ScenarioError(f"line {_line(event)}: more than {MAX_NODES} values")
+            raise ScenarioError(f'line {_line(event)}: more than {MAX_NODES} values')
         if isinstance(event, yaml.AliasEvent):
             raise ScenarioError(
-                f"line {_line(event)}: alias *{clip(str(event.anchor))}: a ROS 2 parameter file "
-                "allows no aliases; write the value out"
+                f'line {_line(event)}: alias *{clip(str(event.anchor))}: a ROS 2 parameter file '
+                'allows no aliases; write the value out'
             )
         if isinstance(event, yaml.SequenceStartEvent):
             return self._sequence(event, depth)
@@ -204,7 +217,7 @@ class _Builder:
             if isinstance(event, yaml.MappingEndEvent):
                 break
             if not isinstance(event, yaml.ScalarEvent) or not event.value:
-                raise ScenarioError(f"line {_line(event)}: a key must be a text")
+                raise ScenarioError(f'line {_line(event)}: a key must be a text')
             if event.value in entries:
                 raise ScenarioError(
                     f"line {_line(event)}: key '{clip(event.value)}' is given twice"
@@ -223,11 +236,11 @@ def _line(event: Any) -> int:
 
 
 def _scalar(event: Any) -> Scalar:
-    if event.tag == "tag:yaml.org,2002:str" and event.implicit != (True, False):
+    if event.tag == 'tag:yaml.org,2002:str' and event.implicit != (True, False):
         return Scalar(event.value, event.value, _line(event))
     if _plain(event) and not event.value:
         raise ScenarioError(
-            f"line {_line(event)}: no value after the key; give one or leave the key out"
+            f'line {_line(event)}: no value after the key; give one or leave the key out'
         )
     return Scalar(resolve(event.value, not _plain(event)), event.value, _line(event))
 
@@ -238,8 +251,8 @@ def show(tree: Tree) -> str:
         quoted = isinstance(tree.value, str)
         return f"'{clip(tree.text)}'" if quoted else clip(tree.text)
     if isinstance(tree, Sequence):
-        return clip("[" + ", ".join(show(item) for item in tree.items[:6]) + "]")
-    return "a map"
+        return clip('[' + ', '.join(show(item) for item in tree.items[:6]) + ']')
+    return 'a map'
 
 
 def plain(tree: Tree) -> Any:
@@ -253,7 +266,7 @@ def plain(tree: Tree) -> Any:
 
 def tree_of(value: Any) -> Tree:
     """Return Python data as a tree, as if it had been read; the inverse of ``plain``."""
-    if hasattr(value, "tolist"):  # numpy's arrays and scalars
+    if hasattr(value, 'tolist'):  # numpy's arrays and scalars
         value = value.tolist()
     if isinstance(value, dict):
         return Mapping({str(key): tree_of(item) for key, item in value.items()})
@@ -261,7 +274,7 @@ def tree_of(value: Any) -> Tree:
         return Sequence(tuple(tree_of(item) for item in value))
     if isinstance(value, (bool, int, float, str)):
         return Scalar(value, repr(value) if isinstance(value, float) else str(value))
-    raise ScenarioError(f"{clip(repr(value))}: a value must be a number, a text or an array")
+    raise ScenarioError(f'{clip(repr(value))}: a value must be a number, a text or an array')
 
 
 class _Dumper(yaml.SafeDumper):
@@ -273,19 +286,21 @@ def float_text(value: float) -> str:
     """Return the shortest text that rcl, PyYAML and Python all read as exactly ``value``."""
     if (value != 0.0 and abs(value) < sys.float_info.min) or value - value != 0.0:
         raise ScenarioError(
-            f"{value!r}: a number must be finite, and 0 or at least 2.3e-308 in size"
+            f'{value!r}: a number must be finite, and 0 or at least 2.3e-308 in size'
         )
     text = repr(float(value))
-    mantissa, exponent, power = text.partition("e")
-    return f"{mantissa if '.' in mantissa else mantissa + '.0'}{exponent}{power}"
+    mantissa, exponent, power = text.partition('e')
+    return f'{mantissa if "." in mantissa else mantissa + ".0"}{exponent}{power}'
 
 
 _Dumper.add_representer(
-    float, lambda d, v: d.represent_scalar("tag:yaml.org,2002:float", float_text(v))
+    float, lambda d, v: d.represent_scalar('tag:yaml.org,2002:float', float_text(v))
 )
-_Dumper.add_representer(str, lambda d, v: d.represent_scalar("tag:yaml.org,2002:str", v, style='"'))
 _Dumper.add_representer(
-    list, lambda d, v: d.represent_sequence("tag:yaml.org,2002:seq", v, flow_style=True)
+    str, lambda d, v: d.represent_scalar('tag:yaml.org,2002:str', v, style='"')
+)
+_Dumper.add_representer(
+    list, lambda d, v: d.represent_sequence('tag:yaml.org,2002:seq', v, flow_style=True)
 )
 
 
@@ -293,7 +308,7 @@ class _Key(str):
     """A map's key, written without quotes."""
 
 
-_Dumper.add_representer(_Key, lambda d, v: d.represent_scalar("tag:yaml.org,2002:str", str(v)))
+_Dumper.add_representer(_Key, lambda d, v: d.represent_scalar('tag:yaml.org,2002:str', str(v)))
 
 
 def write(data: dict[str, Any]) -> str:

@@ -1,33 +1,47 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Scenario files: ordinary ROS 2 parameter files, read into a checked RunConfig."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from collections.abc import Mapping as Map
 from dataclasses import fields
+import os
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core.parameters import SECTIONS, RunConfig, specs
+from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.convert import convert
-from flexarm_ros.scenario.errors import ScenarioError, clip, suggestion
+from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
-from flexarm_ros.scenario.rclyaml import Mapping, Scalar, Tree, parse, show, tree_of
-from flexarm_ros.scenario.torque_file import HEADER, Torques, check_order, read_torques
+from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, show, Tree, tree_of
+from flexarm_ros.scenario.torque_file import check_order, HEADER, read_torques, Torques
 
 PathLike = str | os.PathLike[str]
 Values = dict[tuple[str, str], Tree]
 """``{(section, key): value}`` of what was given, before defaults."""
 
 MAX_BYTES = 1024 * 1024
-WHOLE_RUN = "/**"
-ROS_KEYS = ("use_sim_time",)
+WHOLE_RUN = '/**'
+ROS_KEYS = ('use_sim_time',)
 """Keys of every ROS 2 node that a parameter file may hold; they change nothing here."""
 
-FIELD_OF = {section: "run" if section == WHOLE_RUN else section for section in SECTIONS}
+FIELD_OF = {section: 'run' if section == WHOLE_RUN else section for section in SECTIONS}
 """Section name -> field of RunConfig."""
 
 
@@ -46,19 +60,19 @@ def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -
     for item in sources:
         path = find(item)
         given = _read(read_text(path, MAX_BYTES), clip(str(path)))
-        if ("controller", "torque_file") in given:
+        if ('controller', 'torque_file') in given:
             torque_base = path.resolve().parent
         values.update(given)
     for override in overrides:
         where, tree = parse_override(override)
-        if where == ("controller", "torque_file"):
+        if where == ('controller', 'torque_file'):
             torque_base = Path.cwd()
         values[where] = tree
     return _build(values, torque_base=torque_base)
 
 
 def from_text(
-    text: str, torques: Iterable[Iterable[float]] = (), name: str = "scenario"
+    text: str, torques: Iterable[Iterable[float]] = (), name: str = 'scenario'
 ) -> RunConfig:
     """Read a scenario's text, as it travels in a bag.
 
@@ -79,11 +93,11 @@ def from_dict(
     """
     values: Values = {}
     for section, keys in data.items():
-        name = WHOLE_RUN if section == "run" else str(section)
+        name = WHOLE_RUN if section == 'run' else str(section)
         if not isinstance(keys, Map):
-            raise ScenarioError(f"{clip(name)}: {clip(repr(keys))} is not a map of keys")
-        given = _without_none(keys.get("ros__parameters", keys))
-        _take_section(values, name, tree_of(given), "")
+            raise ScenarioError(f'{clip(name)}: {clip(repr(keys))} is not a map of keys')
+        given = _without_none(keys.get('ros__parameters', keys))
+        _take_section(values, name, tree_of(given), '')
     if torque_base is not None:
         return _build(values, torque_base=torque_base)
     return _build(values, torques=check_torques(torques))
@@ -101,16 +115,16 @@ def with_values(
     torque_base: Path | None = None
     given: Values = {}
     for section, keys in (data or {}).items():
-        name = WHOLE_RUN if section == "run" else str(section)
+        name = WHOLE_RUN if section == 'run' else str(section)
         if not isinstance(keys, Map):
-            raise ScenarioError(f"{clip(name)}: {clip(repr(keys))} is not a map of keys")
+            raise ScenarioError(f'{clip(name)}: {clip(repr(keys))} is not a map of keys')
         for key in [key for key, value in keys.items() if value is None]:
             values.pop(find_key(full_name(name, str(key))), None)
-        _take_section(given, name, tree_of(_without_none(keys)), "")
+        _take_section(given, name, tree_of(_without_none(keys)), '')
     for override in overrides:
         where, tree = parse_override(override)
         given[where] = tree
-    if ("controller", "torque_file") in given:
+    if ('controller', 'torque_file') in given:
         torque_base = Path.cwd()
     values.update(given)
     if torque_base is not None or not config.torques:
@@ -132,10 +146,10 @@ def check_torques(rows: Iterable[Iterable[float]]) -> Torques:
     """Return rows of torques as data, checked as a torque file's rows are."""
     checked: list[tuple[float, float, float]] = []
     for number, row in enumerate(rows):
-        place = f"torques: row {number}"
+        place = f'torques: row {number}'
         values = tuple(float(value) for value in row)
         if len(values) != len(HEADER) or any(v - v != 0.0 for v in values):
-            raise ScenarioError(f"{place}: {clip(repr(values))} is not three finite numbers")
+            raise ScenarioError(f'{place}: {clip(repr(values))} is not three finite numbers')
         checked.append((values[0], values[1], values[2]))
         check_order(checked, place)
     return tuple(checked)
@@ -152,20 +166,20 @@ def parse_override(text: str) -> tuple[tuple[str, str], Tree]:
 
     Raises ScenarioError naming the key, the value and what is allowed.
     """
-    name, equals, value = text.partition("=")
+    name, equals, value = text.partition('=')
     if not equals or not name.strip():
-        raise ScenarioError(f"--set {clip(text)}: give node.key=value")
+        raise ScenarioError(f'--set {clip(text)}: give node.key=value')
     name = name.strip()
     try:
         value.encode()
         tree = parse(value)
     except UnicodeEncodeError:
-        raise ScenarioError(f"--set {clip(name)}: the value is not UTF-8 text") from None
+        raise ScenarioError(f'--set {clip(name)}: the value is not UTF-8 text') from None
     except ScenarioError as error:
-        reason = str(error).removeprefix("line 1: ")
-        raise ScenarioError(f"--set {clip(name)}={clip(value)}: {reason}") from None
+        reason = str(error).removeprefix('line 1: ')
+        raise ScenarioError(f'--set {clip(name)}={clip(value)}: {reason}') from None
     if tree is None:
-        raise ScenarioError(f"--set {clip(name)}=: no value; give node.key=value")
+        raise ScenarioError(f'--set {clip(name)}=: no value; give node.key=value')
     return find_key(name), tree
 
 
@@ -174,29 +188,29 @@ def find_key(name: str) -> tuple[str, str]:
 
     Raises ScenarioError with the nearest known name.
     """
-    first, dot, rest = name.partition(".")
-    first = first if first == WHOLE_RUN else first.lstrip("/")
+    first, dot, rest = name.partition('.')
+    first = first if first == WHOLE_RUN else first.lstrip('/')
     section, key = (first, rest) if dot and first in SECTIONS else (WHOLE_RUN, name)
     if key not in specs(SECTIONS[section]):
-        raise ScenarioError(f"{clip(name)}: unknown key{_nearest(section, key)}")
+        raise ScenarioError(f'{clip(name)}: unknown key{_nearest(section, key)}')
     return section, key
 
 
 def full_name(section: str, key: str) -> str:
     """Return a key's dotted name as it is written in errors and tables."""
-    return f"{section}.{key}"
+    return f'{section}.{key}'
 
 
 def _nearest(section: str, key: str) -> str:
     """Return a hint: the key in another section, or the nearest spelling."""
-    last = key.rpartition(".")[2]
+    last = key.rpartition('.')[2]
     for other, cls in SECTIONS.items():
         for candidate in (key, last):
             if candidate in specs(cls):
                 return f"; did you mean '{full_name(other, candidate)}'?"
     names = {full_name(s, k): None for s, cls in SECTIONS.items() for k in specs(cls)}
-    own = suggestion(full_name(section, key), [n for n in names if n.startswith(f"{section}.")])
-    return own or suggestion(full_name(section, key), names) or "; the README lists every key"
+    own = suggestion(full_name(section, key), [n for n in names if n.startswith(f'{section}.')])
+    return own or suggestion(full_name(section, key), names) or '; the README lists every key'
 
 
 def _read(text: str, name: str) -> Values:
@@ -204,52 +218,52 @@ def _read(text: str, name: str) -> Values:
     try:
         tree = parse(text)
         if tree is None:
-            raise ScenarioError("the file is empty; a scenario has sections like /** and plant")
+            raise ScenarioError('the file is empty; a scenario has sections like /** and plant')
         if not isinstance(tree, Mapping):
-            raise ScenarioError(f"{show(tree)} is not a map of sections like /** and plant")
+            raise ScenarioError(f'{show(tree)} is not a map of sections like /** and plant')
         values: Values = {}
         for section, body in tree.entries.items():
             _read_section(values, section, body)
         return values
     except ScenarioError as error:
-        raise ScenarioError(f"{name}: {error}") from None
+        raise ScenarioError(f'{name}: {error}') from None
 
 
 def _read_section(values: Values, section: str, body: Tree) -> None:
-    name = section if section == WHOLE_RUN else section.removeprefix("/")
+    name = section if section == WHOLE_RUN else section.removeprefix('/')
     if name not in SECTIONS:
         raise ScenarioError(
-            f"{clip(section)}: unknown section{suggestion(name, SECTIONS)} "
-            f"(allowed: {', '.join(SECTIONS)})"
+            f'{clip(section)}: unknown section{suggestion(name, SECTIONS)} '
+            f'(allowed: {", ".join(SECTIONS)})'
         )
-    if not isinstance(body, Mapping) or set(body.entries) != {"ros__parameters"}:
-        raise ScenarioError(f"{clip(section)}: must hold one map, ros__parameters")
-    _take_section(values, name, body.entries["ros__parameters"], "")
+    if not isinstance(body, Mapping) or set(body.entries) != {'ros__parameters'}:
+        raise ScenarioError(f'{clip(section)}: must hold one map, ros__parameters')
+    _take_section(values, name, body.entries['ros__parameters'], '')
 
 
 def _take_section(values: Values, section: str, tree: Tree, prefix: str) -> None:
     """Add a section's keys to ``values``; nested maps make dotted keys."""
     if section not in SECTIONS:
         raise ScenarioError(
-            f"{clip(section)}: unknown section{suggestion(section, SECTIONS)} "
-            f"(allowed: {', '.join(SECTIONS)})"
+            f'{clip(section)}: unknown section{suggestion(section, SECTIONS)} '
+            f'(allowed: {", ".join(SECTIONS)})'
         )
     if not isinstance(tree, Mapping):
-        raise ScenarioError(f"{section}: ros__parameters must be a map of keys, not {show(tree)}")
+        raise ScenarioError(f'{section}: ros__parameters must be a map of keys, not {show(tree)}')
     known = specs(SECTIONS[section])
     for part, value in tree.entries.items():
         key = prefix + part
         if key in known:
             if (section, key) in values:
-                raise ScenarioError(f"{full_name(section, key)}: given twice")
+                raise ScenarioError(f'{full_name(section, key)}: given twice')
             values[section, key] = value
-        elif isinstance(value, Mapping) and any(k.startswith(key + ".") for k in known):
-            _take_section(values, section, value, key + ".")
+        elif isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
+            _take_section(values, section, value, key + '.')
         elif key in ROS_KEYS and isinstance(value, Scalar) and isinstance(value.value, bool):
             continue
         else:
             name = clip(full_name(section, key))
-            raise ScenarioError(f"{name}: unknown key{_nearest(section, key)}")
+            raise ScenarioError(f'{name}: unknown key{_nearest(section, key)}')
 
 
 def _build(values: Values, torques: Torques = (), torque_base: Path | None = None) -> RunConfig:
@@ -261,12 +275,12 @@ def _build(values: Values, torques: Torques = (), torque_base: Path | None = Non
             if (section, key) in values:
                 given[name] = convert(full_name(section, key), spec, values[section, key])
         sections[FIELD_OF[section]] = cls(**given)
-    controller = sections["controller"]
-    if controller.law == "open_loop" and torque_base is not None and controller.torque_file:
+    controller = sections['controller']
+    if controller.law == 'open_loop' and torque_base is not None and controller.torque_file:
         torques = read_torques(torque_base / controller.torque_file)
-    elif controller.law != "open_loop":
+    elif controller.law != 'open_loop':
         torques = ()
-    assert set(sections) | {"torques", "changes"} == {field.name for field in fields(RunConfig)}
+    assert set(sections) | {'torques', 'changes'} == {field.name for field in fields(RunConfig)}
     config = RunConfig(**sections, torques=torques)
     check(config)
     return config

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Suite files: many scenarios, what is expected of each, and claims about them together.
 
 A suite is a YAML file::
@@ -32,11 +46,11 @@ from pathlib import Path
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.scenario.compare import Comparison
-from flexarm_ros.scenario.errors import ScenarioError, clip
+from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.expect import Expectation, Metrics, Outcome, read_expectations
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find, first_comment, shipped, shipped_suites
-from flexarm_ros.scenario.rclyaml import Tree, parse
+from flexarm_ros.scenario.rclyaml import parse, Tree
 from flexarm_ros.scenario.reader import load as load_scenario
 from flexarm_ros.scenario.treeread import (
     as_list,
@@ -48,10 +62,10 @@ from flexarm_ros.scenario.treeread import (
     overrides_of,
 )
 
-NODES = ("plant", "encoder", "tip_sensor", "trajectory", "controller", "recorder")
-ACTIONS = ("kill", "terminate", "pause", "delay")
-MODES = ("run", "compose", "simulate")
-VERDICTS = ("holds", "in part", "does not hold")
+NODES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
+ACTIONS = ('kill', 'terminate', 'pause', 'delay')
+MODES = ('run', 'compose', 'simulate')
+VERDICTS = ('holds', 'in part', 'does not hold')
 MAX_BYTES = 1024 * 1024
 MAX_CASES = 1000
 
@@ -78,7 +92,7 @@ class Case:
     source: Path
     overrides: tuple[str, ...]
     config: RunConfig
-    mode: str = "run"
+    mode: str = 'run'
     expect: tuple[Expectation, ...] = ()
     faults: tuple[Fault, ...] = ()
 
@@ -100,13 +114,13 @@ class Claim:
         outcomes = [check.check(runs) for check in self.checks]
         held = [outcome.holds for outcome in outcomes]
         if None in held:
-            return "not known", outcomes
-        verdict = "holds" if all(held) else "in part" if any(held) else "does not hold"
+            return 'not known', outcomes
+        verdict = 'holds' if all(held) else 'in part' if any(held) else 'does not hold'
         return verdict, outcomes
 
     def fails(self, verdict: str) -> bool:
         """Return whether ``verdict`` fails the suite: it is not what is known."""
-        return verdict == "not known" or (self.known is not None and verdict != self.known)
+        return verdict == 'not known' or (self.known is not None and verdict != self.known)
 
 
 @dataclass(frozen=True)
@@ -122,7 +136,7 @@ class Suite:
 
 @dataclass(frozen=True)
 class _Defaults:
-    mode: str = "run"
+    mode: str = 'run'
     overrides: tuple[str, ...] = ()
     expect: tuple[Expectation, ...] = ()
     scenarios: dict[str, Path] = field(default_factory=dict)
@@ -138,32 +152,32 @@ def load(path_or_name: str | Path) -> Suite:
     return from_text(text, path.stem, path.resolve().parent, first_comment(path))
 
 
-def from_text(text: str, name: str, directory: Path, description: str = "") -> Suite:
+def from_text(text: str, name: str, directory: Path, description: str = '') -> Suite:
     """Read a suite's text; scenarios' paths are relative to ``directory``."""
     try:
         tree = parse(text)
         if tree is None:
-            raise ScenarioError("the file is empty; a suite has a list of cases")
-        top = as_map(tree, "suite", ("defaults", "cases", "compare", "claims"))
-        if "cases" not in top:
-            raise ScenarioError("cases: missing; a suite has a list of cases")
-        defaults = _read_defaults(top.get("defaults"))
-        cases = _read_cases(top["cases"], directory, defaults)
+            raise ScenarioError('the file is empty; a suite has a list of cases')
+        top = as_map(tree, 'suite', ('defaults', 'cases', 'compare', 'claims'))
+        if 'cases' not in top:
+            raise ScenarioError('cases: missing; a suite has a list of cases')
+        defaults = _read_defaults(top.get('defaults'))
+        cases = _read_cases(top['cases'], directory, defaults)
         names = [case.name for case in cases]
-        compare = _read_comparisons(top.get("compare"), names, "compare")
-        return Suite(name, description, cases, compare, _read_claims(top.get("claims"), names))
+        compare = _read_comparisons(top.get('compare'), names, 'compare')
+        return Suite(name, description, cases, compare, _read_claims(top.get('claims'), names))
     except ScenarioError as error:
-        raise ScenarioError(f"{clip(name)}: {error}") from None
+        raise ScenarioError(f'{clip(name)}: {error}') from None
 
 
 def _read_defaults(tree: Tree | None) -> _Defaults:
     if tree is None:
         return _Defaults(scenarios=shipped())
-    entries = as_map(tree, "defaults", ("mode", "set", "expect"))
+    entries = as_map(tree, 'defaults', ('mode', 'set', 'expect'))
     return _Defaults(
-        as_text(entries["mode"], "defaults.mode", MODES) if "mode" in entries else "run",
-        overrides_of(entries["set"], "defaults.set") if "set" in entries else (),
-        read_expectations(entries["expect"], "defaults.expect") if "expect" in entries else (),
+        as_text(entries['mode'], 'defaults.mode', MODES) if 'mode' in entries else 'run',
+        overrides_of(entries['set'], 'defaults.set') if 'set' in entries else (),
+        read_expectations(entries['expect'], 'defaults.expect') if 'expect' in entries else (),
         shipped(),
     )
 
@@ -171,47 +185,47 @@ def _read_defaults(tree: Tree | None) -> _Defaults:
 def _read_cases(tree: Tree, directory: Path, defaults: _Defaults) -> tuple[Case, ...]:
     cases: list[Case] = []
     seen: set[str] = set()
-    for number, item in enumerate(as_list(tree, "cases")):
-        for case in _read_case(item, f"cases[{number}]", directory, defaults):
+    for number, item in enumerate(as_list(tree, 'cases')):
+        for case in _read_case(item, f'cases[{number}]', directory, defaults):
             if case.name in seen:
                 raise ScenarioError(f"cases[{number}]: name '{clip(case.name)}' is used twice")
             seen.add(case.name)
             cases.append(case)
             if len(cases) > MAX_CASES:
-                raise ScenarioError(f"cases: more than the {MAX_CASES} cases allowed")
+                raise ScenarioError(f'cases: more than the {MAX_CASES} cases allowed')
     if not cases:
-        raise ScenarioError("cases: none; give at least one")
+        raise ScenarioError('cases: none; give at least one')
     return tuple(cases)
 
 
 def _read_case(tree: Tree, where: str, directory: Path, defaults: _Defaults) -> list[Case]:
-    keys = ("name", "scenario", "mode", "set", "grid", "expect", "faults")
+    keys = ('name', 'scenario', 'mode', 'set', 'grid', 'expect', 'faults')
     entries = as_map(tree, where, keys)
-    if "scenario" not in entries:
-        raise ScenarioError(f"{where}: scenario: missing; a shipped name or a file")
-    given = as_text(entries["scenario"], f"{where}.scenario")
+    if 'scenario' not in entries:
+        raise ScenarioError(f'{where}: scenario: missing; a shipped name or a file')
+    given = as_text(entries['scenario'], f'{where}.scenario')
     try:
         source = find(given, defaults.scenarios, directory)
     except ScenarioError as error:
-        raise ScenarioError(f"{where}.scenario: {error}") from None
-    name = as_text(entries["name"], f"{where}.name") if "name" in entries else source.stem
-    if not name.replace("_", "").replace("-", "").replace(".", "").isalnum():
+        raise ScenarioError(f'{where}.scenario: {error}') from None
+    name = as_text(entries['name'], f'{where}.name') if 'name' in entries else source.stem
+    if not name.replace('_', '').replace('-', '').replace('.', '').isalnum():
         raise ScenarioError(
             f"{where}.name: '{clip(name)}' is not allowed; letters, digits and . _ - only"
         )
-    mode = as_text(entries["mode"], f"{where}.mode", MODES) if "mode" in entries else defaults.mode
-    own = overrides_of(entries["set"], f"{where}.set") if "set" in entries else ()
-    grid = grid_of(entries["grid"], f"{where}.grid", MAX_CASES) if "grid" in entries else {}
+    mode = as_text(entries['mode'], f'{where}.mode', MODES) if 'mode' in entries else defaults.mode
+    own = overrides_of(entries['set'], f'{where}.set') if 'set' in entries else ()
+    grid = grid_of(entries['grid'], f'{where}.grid', MAX_CASES) if 'grid' in entries else {}
     expect = defaults.expect
-    if "expect" in entries:
-        mine = read_expectations(entries["expect"], f"{where}.expect")
+    if 'expect' in entries:
+        mine = read_expectations(entries['expect'], f'{where}.expect')
         expect = (*(e for e in expect if e.name not in {m.name for m in mine}), *mine)
     made = []
     for point in combinations(grid):
-        overrides = (*defaults.overrides, *own, *(f"{key}={text}" for key, text in point.items()))
+        overrides = (*defaults.overrides, *own, *(f'{key}={text}' for key, text in point.items()))
         full = name + point_name(point)
         config = _config(source, overrides, f"case '{clip(full)}'")
-        faults = _read_faults(entries.get("faults"), f"{where}.faults", config, mode)
+        faults = _read_faults(entries.get('faults'), f'{where}.faults', config, mode)
         made.append(Case(full, source, overrides, config, mode, expect, faults))
     return made
 
@@ -219,18 +233,18 @@ def _read_case(tree: Tree, where: str, directory: Path, defaults: _Defaults) -> 
 def point_name(point: Mapping[str, str]) -> str:
     """Return a grid point's values as they are added to a case's name."""
     if not point:
-        return ""
-    short = {key: key.rpartition(".")[2] for key in point}
+        return ''
+    short = {key: key.rpartition('.')[2] for key in point}
     if len(set(short.values())) < len(short):
         short = {key: key for key in point}
-    return "[" + ",".join(f"{short[key]}={text}" for key, text in point.items()) + "]"
+    return '[' + ','.join(f'{short[key]}={text}' for key, text in point.items()) + ']'
 
 
 def _config(source: Path, overrides: tuple[str, ...], where: str) -> RunConfig:
     try:
         return load_scenario(source, overrides)
     except ScenarioError as error:
-        raise ScenarioError(f"{where}: {error}") from None
+        raise ScenarioError(f'{where}: {error}') from None
 
 
 def _read_faults(
@@ -238,29 +252,29 @@ def _read_faults(
 ) -> tuple[Fault, ...]:  # fmt: skip
     if tree is None:
         return ()
-    if mode != "run":
+    if mode != 'run':
         raise ScenarioError(f"{where}: mode '{mode}' has no processes to harm; use mode 'run'")
     faults = []
     for number, item in enumerate(as_list(tree, where)):
-        faults.append(_read_fault(item, f"{where}[{number}]", config))
+        faults.append(_read_fault(item, f'{where}[{number}]', config))
     return tuple(sorted(faults, key=lambda fault: fault.at))
 
 
 def _read_fault(tree: Tree, where: str, config: RunConfig) -> Fault:
-    entries = as_map(tree, where, ("at", "node", "action", "for"))
-    for key in ("at", "node", "action"):
+    entries = as_map(tree, where, ('at', 'node', 'action', 'for'))
+    for key in ('at', 'node', 'action'):
         if key not in entries:
-            raise ScenarioError(f"{where}.{key}: missing")
-    at = as_number(entries["at"], f"{where}.at", 0.0)
+            raise ScenarioError(f'{where}.{key}: missing')
+    at = as_number(entries['at'], f'{where}.at', 0.0)
     if at >= config.run.duration:
         raise ScenarioError(
             f"{where}.at: {at!r} s is not before the run's end at {config.run.duration!r} s"
         )
-    action = as_text(entries["action"], f"{where}.action", ACTIONS)
-    if ("for" in entries) != (action == "delay"):
+    action = as_text(entries['action'], f'{where}.action', ACTIONS)
+    if ('for' in entries) != (action == 'delay'):
         raise ScenarioError(f"{where}.for: the seconds of action 'delay', and of no other")
-    seconds = as_number(entries["for"], f"{where}.for", 0.0) if "for" in entries else 0.0
-    return Fault(at, as_text(entries["node"], f"{where}.node", NODES), action, seconds)
+    seconds = as_number(entries['for'], f'{where}.for', 0.0) if 'for' in entries else 0.0
+    return Fault(at, as_text(entries['node'], f'{where}.node', NODES), action, seconds)
 
 
 def _read_comparisons(
@@ -268,9 +282,9 @@ def _read_comparisons(
 ) -> tuple[Comparison, ...]:  # fmt: skip
     if tree is None:
         return ()
-    texts = [as_text(item, f"{where}[{n}]") for n, item in enumerate(as_list(tree, where))]
+    texts = [as_text(item, f'{where}[{n}]') for n, item in enumerate(as_list(tree, where))]
     return tuple(
-        Comparison.parse(text, names, f"{where}[{number}]") for number, text in enumerate(texts)
+        Comparison.parse(text, names, f'{where}[{number}]') for number, text in enumerate(texts)
     )
 
 
@@ -278,17 +292,17 @@ def _read_claims(tree: Tree | None, names: list[str]) -> tuple[Claim, ...]:
     if tree is None:
         return ()
     claims = []
-    for number, item in enumerate(as_list(tree, "claims")):
-        where = f"claims[{number}]"
-        entries = as_map(item, where, ("claim", "verdict", "checks"))
-        for key in ("claim", "checks"):
+    for number, item in enumerate(as_list(tree, 'claims')):
+        where = f'claims[{number}]'
+        entries = as_map(item, where, ('claim', 'verdict', 'checks'))
+        for key in ('claim', 'checks'):
             if key not in entries:
-                raise ScenarioError(f"{where}.{key}: missing")
+                raise ScenarioError(f'{where}.{key}: missing')
         known = None
-        if "verdict" in entries:
-            known = as_text(entries["verdict"], f"{where}.verdict", VERDICTS)
-        checks = _read_comparisons(entries["checks"], names, f"{where}.checks")
+        if 'verdict' in entries:
+            known = as_text(entries['verdict'], f'{where}.verdict', VERDICTS)
+        checks = _read_comparisons(entries['checks'], names, f'{where}.checks')
         if not checks:
-            raise ScenarioError(f"{where}.checks: none; give at least one comparison")
-        claims.append(Claim(as_text(entries["claim"], f"{where}.claim"), checks, known))
+            raise ScenarioError(f'{where}.checks: none; give at least one comparison')
+        claims.append(Claim(as_text(entries['claim'], f'{where}.claim'), checks, known))
     return tuple(claims)

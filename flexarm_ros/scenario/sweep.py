@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Sweep files: one scenario over grids and random draws of any parameters.
 
 A sweep is a YAML file::
@@ -25,18 +39,18 @@ Times that must be whole nanoseconds are rounded to the nanosecond where they ar
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.scenario.axes import Draw, Parameter, read_axis, read_draw
-from flexarm_ros.scenario.errors import ScenarioError, clip
+from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.expect import known_metric
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find, first_comment, shipped, shipped_sweeps
-from flexarm_ros.scenario.rclyaml import Sequence, Tree, parse
+from flexarm_ros.scenario.rclyaml import parse, Sequence, Tree
 from flexarm_ros.scenario.reader import load as load_scenario
 from flexarm_ros.scenario.treeread import as_integer, as_map, as_text, overrides_of
 from flexarm_ros.scenario.writer import dump
@@ -98,7 +112,7 @@ class Sweep:
     @property
     def columns(self) -> list[str]:
         """The names of what differs from run to run."""
-        return ["scenario", *self.axes, *self.draws, *self.ties]
+        return ['scenario', *self.axes, *self.draws, *self.ties]
 
     def case(self, index: int) -> SweepCase:
         """Return run ``index``: scenarios run slowest, then the grid's axes, draws fastest."""
@@ -112,7 +126,7 @@ class Sweep:
         values |= {name: values[other] for name, other in self.ties.items()}
         settings = tuple(Parameter.named(name).override(text) for name, text in values.items())
         shown = {name: json.loads(x) if x.startswith('"') else x for name, x in values.items()}
-        return SweepCase(index, rest, {"scenario": self.scenarios[rest], **shown}, settings)
+        return SweepCase(index, rest, {'scenario': self.scenarios[rest], **shown}, settings)
 
     def digest(self) -> str:
         """Return a SHA-256 of everything that decides the results, scenarios included."""
@@ -135,45 +149,45 @@ def load(path_or_name: str | Path) -> Sweep:
     return from_text(text, path.stem, path.resolve().parent, first_comment(path))
 
 
-def from_text(text: str, name: str, directory: Path, description: str = "") -> Sweep:
+def from_text(text: str, name: str, directory: Path, description: str = '') -> Sweep:
     """Read a sweep's text; scenarios' paths are relative to ``directory``."""
     try:
         tree = parse(text)
         if tree is None:
-            raise ScenarioError("the file is empty; a sweep has a scenario and a grid or draws")
-        keys = ("scenario", "set", "grid", "draw", "tie", "map")
-        return _read(as_map(tree, "sweep", keys), name, directory, description)
+            raise ScenarioError('the file is empty; a sweep has a scenario and a grid or draws')
+        keys = ('scenario', 'set', 'grid', 'draw', 'tie', 'map')
+        return _read(as_map(tree, 'sweep', keys), name, directory, description)
     except ScenarioError as error:
-        raise ScenarioError(f"{clip(name)}: {error}") from None
+        raise ScenarioError(f'{clip(name)}: {error}') from None
 
 
 def _read(entries: dict[str, Tree], name: str, directory: Path, description: str) -> Sweep:
-    if "scenario" not in entries:
-        raise ScenarioError("scenario: missing; a shipped name, a file, or a list of them")
-    if "grid" not in entries and "draw" not in entries:
-        raise ScenarioError("grid: missing, and draw too; give at least one of them")
-    sources = _sources(entries["scenario"], directory)
-    base = overrides_of(entries["set"], "set") if "set" in entries else ()
+    if 'scenario' not in entries:
+        raise ScenarioError('scenario: missing; a shipped name, a file, or a list of them')
+    if 'grid' not in entries and 'draw' not in entries:
+        raise ScenarioError('grid: missing, and draw too; give at least one of them')
+    sources = _sources(entries['scenario'], directory)
+    base = overrides_of(entries['set'], 'set') if 'set' in entries else ()
     bases = tuple(load_scenario(source, base) for source in sources)
     names = tuple(source.stem for source in sources)
-    axes = _read_grid(entries["grid"]) if "grid" in entries else {}
+    axes = _read_grid(entries['grid']) if 'grid' in entries else {}
     samples, draws = 1, dict[str, list[str]]()
-    if "draw" in entries:
-        samples, draws = _read_draws(entries["draw"], bases[0], axes)
-    ties = _read_ties(entries.get("tie"), [*axes, *draws])
-    plan = _read_map(entries.get("map"), axes)
+    if 'draw' in entries:
+        samples, draws = _read_draws(entries['draw'], bases[0], axes)
+    ties = _read_ties(entries.get('tie'), [*axes, *draws])
+    plan = _read_map(entries.get('map'), axes)
     sweep = Sweep(name, description, names, bases, axes, draws, samples, ties, plan)
     if sweep.count > MAX_CASES:
-        raise ScenarioError(f"{sweep.count} runs; at most {MAX_CASES}")
+        raise ScenarioError(f'{sweep.count} runs; at most {MAX_CASES}')
     return sweep
 
 
 def _sources(tree: Tree, directory: Path) -> tuple[Path, ...]:
     known = shipped()
     items = tree.items if isinstance(tree, Sequence) else (tree,)
-    sources = [find(as_text(item, "scenario"), known, directory) for item in items]
+    sources = [find(as_text(item, 'scenario'), known, directory) for item in items]
     if not sources:
-        raise ScenarioError("scenario: none; give at least one")
+        raise ScenarioError('scenario: none; give at least one')
     names = [source.stem for source in sources]
     for name in names:
         if names.count(name) > 1:
@@ -184,46 +198,46 @@ def _sources(tree: Tree, directory: Path) -> tuple[Path, ...]:
 def _read_grid(tree: Tree) -> dict[str, tuple[str, ...]]:
     axes: dict[str, tuple[str, ...]] = {}
     count = 1
-    for key, item in as_map(tree, "grid").items():
+    for key, item in as_map(tree, 'grid').items():
         parameter = Parameter.named(key)
         if parameter.name in axes:
-            raise ScenarioError(f"grid.{clip(key)}: given twice")
-        axes[parameter.name] = read_axis(parameter, item, f"grid.{clip(key)}")
+            raise ScenarioError(f'grid.{clip(key)}: given twice')
+        axes[parameter.name] = read_axis(parameter, item, f'grid.{clip(key)}')
         count *= len(axes[parameter.name])
         if count > MAX_CASES:
-            raise ScenarioError(f"grid.{clip(key)}: {count} runs; at most {MAX_CASES}")
+            raise ScenarioError(f'grid.{clip(key)}: {count} runs; at most {MAX_CASES}')
     return axes
 
 
 def _read_draws(
     tree: Tree, config: RunConfig, axes: dict[str, tuple[str, ...]]
 ) -> tuple[int, dict[str, list[str]]]:
-    entries = as_map(tree, "draw", ("count", "seed", "parameters"))
-    for key in ("count", "parameters"):
+    entries = as_map(tree, 'draw', ('count', 'seed', 'parameters'))
+    for key in ('count', 'parameters'):
         if key not in entries:
-            raise ScenarioError(f"draw.{key}: missing")
-    count = as_integer(entries["count"], "draw.count", 1, MAX_CASES)
-    seed = as_integer(entries["seed"], "draw.seed", 0, 2**63 - 1) if "seed" in entries else 0
+            raise ScenarioError(f'draw.{key}: missing')
+    count = as_integer(entries['count'], 'draw.count', 1, MAX_CASES)
+    seed = as_integer(entries['seed'], 'draw.seed', 0, 2**63 - 1) if 'seed' in entries else 0
     draws: list[Draw] = []
-    for key, item in as_map(entries["parameters"], "draw.parameters").items():
-        draw = read_draw(key, item, config, f"draw.parameters.{clip(key)}")
+    for key, item in as_map(entries['parameters'], 'draw.parameters').items():
+        draw = read_draw(key, item, config, f'draw.parameters.{clip(key)}')
         if draw.parameter.name in axes:
-            raise ScenarioError(f"draw.parameters.{clip(key)}: is in the grid already")
+            raise ScenarioError(f'draw.parameters.{clip(key)}: is in the grid already')
         if draw.parameter in [other.parameter for other in draws]:
-            raise ScenarioError(f"draw.parameters.{clip(key)}: given twice")
+            raise ScenarioError(f'draw.parameters.{clip(key)}: given twice')
         draws.append(draw)
     if not draws:
-        raise ScenarioError("draw.parameters: none; give at least one")
+        raise ScenarioError('draw.parameters: none; give at least one')
     if count * len(draws) > MAX_DRAWN:
-        raise ScenarioError(f"draw: {count * len(draws)} values; at most {MAX_DRAWN}")
+        raise ScenarioError(f'draw: {count * len(draws)} values; at most {MAX_DRAWN}')
     return count, {draw.parameter.name: draw.texts(count, seed, config) for draw in draws}
 
 
 def _read_ties(tree: Tree | None, swept: list[str]) -> dict[str, str]:
     ties: dict[str, str] = {}
-    for key, item in (as_map(tree, "tie") if tree is not None else {}).items():
+    for key, item in (as_map(tree, 'tie') if tree is not None else {}).items():
         name = Parameter.named(key).name
-        other = Parameter.named(as_text(item, f"tie.{clip(key)}")).name
+        other = Parameter.named(as_text(item, f'tie.{clip(key)}')).name
         if other not in swept:
             raise ScenarioError(f"tie.{clip(key)}: '{other}' is neither in the grid nor drawn")
         if name in swept:
@@ -234,26 +248,26 @@ def _read_ties(tree: Tree | None, swept: list[str]) -> dict[str, str]:
 
 def _read_map(tree: Tree | None, axes: dict[str, tuple[str, ...]]) -> Map | None:
     numeric = [
-        name for name in axes if Parameter.named(name).spec.kind in ("float", "int", "float2")
+        name for name in axes if Parameter.named(name).spec.kind in ('float', 'int', 'float2')
     ]
     if tree is None:
         if not numeric:
             return None
-        return Map(numeric[0], numeric[1] if len(numeric) > 1 else "", "max_error")
-    entries = as_map(tree, "map", ("x", "y", "value"))
-    if "x" not in entries:
-        raise ScenarioError("map.x: missing; a numeric axis of the grid")
-    found = {"y": "", "value": "max_error"} | {
-        key: as_text(item, f"map.{key}") for key, item in entries.items()
+        return Map(numeric[0], numeric[1] if len(numeric) > 1 else '', 'max_error')
+    entries = as_map(tree, 'map', ('x', 'y', 'value'))
+    if 'x' not in entries:
+        raise ScenarioError('map.x: missing; a numeric axis of the grid')
+    found = {'y': '', 'value': 'max_error'} | {
+        key: as_text(item, f'map.{key}') for key, item in entries.items()
     }
-    for key in ("x", "y"):
+    for key in ('x', 'y'):
         if found[key]:
             found[key] = Parameter.named(found[key]).name
             if found[key] not in numeric:
                 raise ScenarioError(f"map.{key}: '{found[key]}' is no numeric axis of the grid")
-    if found["x"] == found["y"]:
+    if found['x'] == found['y']:
         raise ScenarioError(f"map.y: '{found['y']}' is map.x already")
-    metric, _ = known_metric(found["value"], "map.value")
-    if metric in ("stable", "complete", "problem", "status", "wall_s", "rtf"):
+    metric, _ = known_metric(found['value'], 'map.value')
+    if metric in ('stable', 'complete', 'problem', 'status', 'wall_s', 'rtf'):
         raise ScenarioError(f"map.value: '{metric}' cannot be drawn; take a number of the run")
-    return Map(found["x"], found["y"], found["value"])
+    return Map(found['x'], found['y'], found['value'])

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The README's table of parameters, printed from their definitions.
 
 ``python -m flexarm_ros.scenario.table`` prints it; ``python -m flexarm_ros.scenario.table
@@ -6,39 +20,39 @@ README.md`` puts it between the lines ``<!-- parameters -->`` and ``<!-- /parame
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
+import sys
 from typing import Any
 
 from flexarm_ros.core.parameters import SECTIONS, Spec, specs
 from flexarm_ros.scenario.convert import short
 
-BEGIN, END = "<!-- parameters -->", "<!-- /parameters -->"
+BEGIN, END = '<!-- parameters -->', '<!-- /parameters -->'
 
 
 def markdown() -> str:
     """Return the table of every parameter as Markdown."""
     lines = [
-        "| parameter | meaning | unit | default | allowed | paper |",
-        "|---|---|---|---|---|---|",
+        '| parameter | meaning | unit | default | allowed | paper |',
+        '|---|---|---|---|---|---|',
     ]
     for section, cls in SECTIONS.items():
         for key, (_, spec, default) in specs(cls).items():
-            live = " (may change while running)" if spec.live else ""
+            live = ' (may change while running)' if spec.live else ''
             cells = (
-                f"`{section}.{key}`", spec.doc + live, spec.unit, default_text(default),
+                f'`{section}.{key}`', spec.doc + live, spec.unit, default_text(default),
                 allowed_text(spec), spec.paper,
             )  # fmt: skip
-            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
+            lines.append('| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |')
+    return '\n'.join(lines) + '\n'
 
 
 def default_text(default: Any) -> str:
     """Return a default as it would be written in a scenario; empty where there is none."""
     if default is None:
-        return ""
+        return ''
     if isinstance(default, tuple):
-        return "[" + ", ".join(repr(value) for value in default) + "]"
+        return '[' + ', '.join(repr(value) for value in default) + ']'
     if isinstance(default, bool):
         return str(default).lower()
     return str(default)
@@ -47,17 +61,17 @@ def default_text(default: Any) -> str:
 def allowed_text(spec: Spec) -> str:
     """Return what a parameter takes: choices, or type and range."""
     if spec.choices:
-        return ", ".join(f"`{choice}`" for choice in spec.choices)
-    kind = {"float": "", "int": "integer", "bool": "true, false", "str": "text",
-            "float2": "two values", "floats": "values"}[spec.kind]  # fmt: skip
-    bounds = ""
+        return ', '.join(f'`{choice}`' for choice in spec.choices)
+    kind = {'float': '', 'int': 'integer', 'bool': 'true, false', 'str': 'text',
+            'float2': 'two values', 'floats': 'values'}[spec.kind]  # fmt: skip
+    bounds = ''
     if spec.low is not None and spec.high is not None:
-        bounds = f"{'above ' if spec.low_open else ''}{short(spec.low)} to {short(spec.high)}"
+        bounds = f'{"above " if spec.low_open else ""}{short(spec.low)} to {short(spec.high)}'
     elif spec.low is not None:
-        bounds = f"{'above' if spec.low_open else 'at least'} {short(spec.low)}"
+        bounds = f'{"above" if spec.low_open else "at least"} {short(spec.low)}'
     elif spec.high is not None:
-        bounds = f"at most {short(spec.high)}"
-    return ", ".join(part for part in (kind, bounds) if part)
+        bounds = f'at most {short(spec.high)}'
+    return ', '.join(part for part in (kind, bounds) if part)
 
 
 def with_table(text: str) -> str:
@@ -68,18 +82,18 @@ def with_table(text: str) -> str:
     head, begin, rest = text.partition(BEGIN)
     _, end, tail = rest.partition(END)
     if not begin or not end:
-        raise ValueError(f"no lines {BEGIN} and {END}")
-    return f"{head}{BEGIN}\n{markdown()}{END}{tail}"
+        raise ValueError(f'no lines {BEGIN} and {END}')
+    return f'{head}{BEGIN}\n{markdown()}{END}{tail}'
 
 
 def main() -> None:
     """Print the table, or put it into the files that are named."""
     if len(sys.argv) < 2:
-        print(markdown(), end="")
+        print(markdown(), end='')
     for name in sys.argv[1:]:
         path = Path(name)
-        path.write_text(with_table(path.read_text("utf-8")), encoding="utf-8")
+        path.write_text(with_table(path.read_text('utf-8')), encoding='utf-8')
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     main()

@@ -1,19 +1,33 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Helpers that read suites and sweeps from a tree, with one line for what is wrong."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 import itertools
 import json
-from collections.abc import Iterable, Iterator
 
-from flexarm_ros.scenario.errors import ScenarioError, clip, suggestion
-from flexarm_ros.scenario.rclyaml import Mapping, Scalar, Sequence, Tree, float_text, show
+from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
+from flexarm_ros.scenario.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
 
 
 def as_map(tree: Tree, where: str, known: Iterable[str] | None = None) -> dict[str, Tree]:
     """Return a map's entries; raise ScenarioError for another type or an unknown key."""
     if not isinstance(tree, Mapping):
-        raise ScenarioError(f"{where}: {show(tree)} is not a map")
+        raise ScenarioError(f'{where}: {show(tree)} is not a map')
     if known is not None:
         known = list(known)
         for key in tree.entries:
@@ -28,7 +42,7 @@ def as_map(tree: Tree, where: str, known: Iterable[str] | None = None) -> dict[s
 def as_list(tree: Tree, where: str) -> tuple[Tree, ...]:
     """Return an array's items."""
     if not isinstance(tree, Sequence):
-        raise ScenarioError(f"{where}: {show(tree)} is not a list")
+        raise ScenarioError(f'{where}: {show(tree)} is not a list')
     return tree.items
 
 
@@ -36,9 +50,9 @@ def as_text(tree: Tree, where: str, choices: Iterable[str] = ()) -> str:
     """Return a text, one of ``choices`` if given; ``on`` or ``5`` count as what is written."""
     choices = list(choices)
     if not isinstance(tree, Scalar) or not tree.text.strip():
-        raise ScenarioError(f"{where}: {show(tree)} is not a text")
+        raise ScenarioError(f'{where}: {show(tree)} is not a text')
     if not tree.text.isprintable():
-        raise ScenarioError(f"{where}: {show(tree)} is not printable text")
+        raise ScenarioError(f'{where}: {show(tree)} is not printable text')
     if choices and tree.text not in choices:
         raise ScenarioError(
             f"{where}: '{clip(tree.text)}' is not allowed; one of {', '.join(choices)}"
@@ -50,12 +64,12 @@ def as_number(tree: Tree, where: str, low: float | None = None) -> float:
     """Return a finite number, at least ``low`` if given."""
     value = tree.value if isinstance(tree, Scalar) else None
     if isinstance(value, (bool, str)) or value is None:
-        raise ScenarioError(f"{where}: {show(tree)} is not a number")
+        raise ScenarioError(f'{where}: {show(tree)} is not a number')
     number = float(value)
     if number - number != 0.0:
-        raise ScenarioError(f"{where}: {show(tree)} is not a finite number")
+        raise ScenarioError(f'{where}: {show(tree)} is not a finite number')
     if low is not None and number < low:
-        raise ScenarioError(f"{where}: {show(tree)} is below {low:g}")
+        raise ScenarioError(f'{where}: {show(tree)} is below {low:g}')
     return number
 
 
@@ -63,7 +77,7 @@ def as_integer(tree: Tree, where: str, low: int, high: int) -> int:
     """Return an integer from ``low`` to ``high``."""
     value = tree.value if isinstance(tree, Scalar) else None
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise ScenarioError(f"{where}: {show(tree)} is not an integer from {low} to {high}")
+        raise ScenarioError(f'{where}: {show(tree)} is not an integer from {low} to {high}')
     return value
 
 
@@ -76,16 +90,16 @@ def yaml_text(tree: Tree) -> str:
             return float_text(tree.value)
         return tree.text.strip()
     if isinstance(tree, Sequence):
-        return "[" + ", ".join(yaml_text(item) for item in tree.items) + "]"
-    entries = (f"{json.dumps(key)}: {yaml_text(item)}" for key, item in tree.entries.items())
-    return "{" + ", ".join(entries) + "}"
+        return '[' + ', '.join(yaml_text(item) for item in tree.items) + ']'
+    entries = (f'{json.dumps(key)}: {yaml_text(item)}' for key, item in tree.entries.items())
+    return '{' + ', '.join(entries) + '}'
 
 
 def overrides_of(tree: Tree, where: str) -> tuple[str, ...]:
     """Return ``set``: a map ``node.key: value`` or a list of ``node.key=value``, as texts."""
     if isinstance(tree, Sequence):
         return tuple(as_text(item, where) for item in tree.items)
-    return tuple(f"{key}={yaml_text(value)}" for key, value in as_map(tree, where).items())
+    return tuple(f'{key}={yaml_text(value)}' for key, value in as_map(tree, where).items())
 
 
 def grid_of(tree: Tree, where: str, limit: int) -> dict[str, tuple[str, ...]]:
@@ -93,13 +107,13 @@ def grid_of(tree: Tree, where: str, limit: int) -> dict[str, tuple[str, ...]]:
     axes: dict[str, tuple[str, ...]] = {}
     count = 1
     for key, values in as_map(tree, where).items():
-        items = as_list(values, f"{where}.{clip(key)}")
+        items = as_list(values, f'{where}.{clip(key)}')
         if not items:
-            raise ScenarioError(f"{where}.{clip(key)}: no values; give at least one")
+            raise ScenarioError(f'{where}.{clip(key)}: no values; give at least one')
         axes[key] = tuple(yaml_text(item) for item in items)
         count *= len(items)
         if count > limit:
-            raise ScenarioError(f"{where}: more than the {limit} combinations allowed")
+            raise ScenarioError(f'{where}: more than the {limit} combinations allowed')
     return axes
 
 

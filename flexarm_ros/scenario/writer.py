@@ -1,10 +1,24 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A RunConfig as data and as the parameter file that nodes are given."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from flexarm_ros.core.parameters import SECTIONS, RunConfig, specs
+from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.rclyaml import write
 from flexarm_ros.scenario.reader import FIELD_OF
 
@@ -34,10 +48,10 @@ def dump(config: RunConfig, torque_file: str | None = None) -> str:
     """
     document: dict[str, Any] = {}
     for section, keys in to_dict(config).items():
-        if section == "controller" and torque_file is not None:
-            keys["torque_file"] = torque_file
+        if section == 'controller' and torque_file is not None:
+            keys['torque_file'] = torque_file
         held = {key: value for key, value in keys.items() if value is not None}
-        document[section] = {"ros__parameters": held}
+        document[section] = {'ros__parameters': held}
     return write(document)
 
 
@@ -51,11 +65,11 @@ def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
     from flexarm_ros.core.trajectory import initial_angles, make_path
 
     data = to_dict(config)
-    plant, trajectory = data["plant"], data["trajectory"]
+    plant, trajectory = data['plant'], data['trajectory']
     highest = highest_frequency(config)
-    plant["substeps"] = choose_substeps(config.plant, config.run.control_period, highest)
-    plant["initial_position"] = [float(angle) for angle in initial_angles(config)]
-    plant["initial_velocity"] = list(config.plant.initial_velocity or (0.0, 0.0))
-    if trajectory["kind"] == "hold":
-        trajectory["hold_position"] = [float(value) for value in make_path(config).at(0)[:2]]
+    plant['substeps'] = choose_substeps(config.plant, config.run.control_period, highest)
+    plant['initial_position'] = [float(angle) for angle in initial_angles(config)]
+    plant['initial_velocity'] = list(config.plant.initial_velocity or (0.0, 0.0))
+    if trajectory['kind'] == 'hold':
+        trajectory['hold_position'] = [float(value) for value in make_path(config).at(0)[:2]]
     return data

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Control laws by name: ``controller.law`` of a scenario."""
 
 from __future__ import annotations
@@ -7,25 +21,25 @@ import math
 from flexarm_ros.core.control.law import Law, Sample
 from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
 from flexarm_ros.core.control.open_loop import OpenLoopLaw
-from flexarm_ros.core.control.pd import FlsLaw, PdLaw, fuzzy_gain
+from flexarm_ros.core.control.pd import FlsLaw, fuzzy_gain, PdLaw
 from flexarm_ros.core.control.planned import InverseLaw, PassiveLaw
 from flexarm_ros.core.parameters import RunConfig
 
 LAWS: dict[str, type[Law]] = {
-    "pd": PdLaw,
-    "fls": FlsLaw,
-    "open_loop": OpenLoopLaw,
-    "inverse": InverseLaw,
-    "passive": PassiveLaw,
-    "lqg": LqgLaw,
-    "adaptive": AdaptiveLaw,
+    'pd': PdLaw,
+    'fls': FlsLaw,
+    'open_loop': OpenLoopLaw,
+    'inverse': InverseLaw,
+    'passive': PassiveLaw,
+    'lqg': LqgLaw,
+    'adaptive': AdaptiveLaw,
 }
 """Name of a law -> its class."""
 
-PLANNING = ("inverse", "passive", "lqg", "adaptive")
+PLANNING = ('inverse', 'passive', 'lqg', 'adaptive')
 """Laws that compute the whole motion before the first tick."""
 
-__all__ = ["LAWS", "PLANNING", "Law", "Sample", "gain_of", "make_law"]
+__all__ = ['LAWS', 'PLANNING', 'Law', 'Sample', 'gain_of', 'make_law']
 
 
 def make_law(config: RunConfig) -> Law:
@@ -35,4 +49,4 @@ def make_law(config: RunConfig) -> Law:
 
 def gain_of(config: RunConfig, delta1: float, delta2: float) -> float:
     """Return the law's lambda for recorded end deflections, m; nan where it has none."""
-    return fuzzy_gain(config, delta1, delta2) if config.controller.law == "fls" else math.nan
+    return fuzzy_gain(config, delta1, delta2) if config.controller.law == 'fls' else math.nan

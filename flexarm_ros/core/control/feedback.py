@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """From measurements to the end effector that the laws compare with the reference.
 
 ``encoder``: rigid kinematics of the measured joint angles, at the tip.
@@ -74,8 +88,8 @@ class TipFeedback:
 
     def __init__(self, config: RunConfig) -> None:
         self._lengths = config.plant.length
-        self._encoder = config.controller.feedback == "encoder"
-        self._joint_rates = config.controller.velocity_source == "encoder"
+        self._encoder = config.controller.feedback == 'encoder'
+        self._joint_rates = config.controller.velocity_source == 'encoder'
         self._rest = max(sum(self._lengths) - config.tip_sensor.location, 0.0)
 
     def __call__(self, sample: Sample) -> Point:

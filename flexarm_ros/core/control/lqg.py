@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Laws ``lqg`` and ``adaptive``: estimated flexible state, regulated about a planned motion.
 
 Both take the undelayed encoders and the delayed tip sensor's position; what
@@ -11,19 +25,17 @@ follows them, and the regulator leads the arm to what they will do.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import lru_cache
+import math
 from typing import NamedTuple
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
-from flexarm_ros.core.control.design.filter import UNKNOWNS, FilterModel, fill_filter
-from flexarm_ros.core.control.design.model import Arm, Point, adjust
-from flexarm_ros.core.control.design.motion import APART, Planned, around, model_of, plan_for
+from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
+from flexarm_ros.core.control.design.model import adjust, Arm, Point
+from flexarm_ros.core.control.design.motion import APART, around, model_of, plan_for, Planned
 from flexarm_ros.core.control.design.plan import Grid
-from flexarm_ros.core.control.design.regulator import RegulatorWeights, fill_regulator
+from flexarm_ros.core.control.design.regulator import fill_regulator, RegulatorWeights
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
 from flexarm_ros.core.kinematics import elastic_point
@@ -31,7 +43,8 @@ from flexarm_ros.core.parameters import ControllerParameters, RunConfig, TipSens
 from flexarm_ros.core.plant_full_dynamics import step
 from flexarm_ros.core.plant_full_model import Constants
 from flexarm_ros.core.sensors import ticks_per_sample
-from flexarm_ros.core.timeline import Timeline, named_ns
+from flexarm_ros.core.timeline import named_ns, Timeline
+import numpy as np
 
 _BEYOND_S = 10.0
 """Time after the plan over which the regulator's gains settle, s."""
@@ -68,7 +81,7 @@ def latency_of(config: RunConfig) -> Latency:
     period_ns = Timeline.of(config.run).period_ns
     own = config.controller.model_tip_latency
     seconds = config.tip_sensor.latency if own is None else own
-    whole, rest = divmod(named_ns("controller.model.tip_latency", seconds), period_ns)
+    whole, rest = divmod(named_ns('controller.model.tip_latency', seconds), period_ns)
     return Latency(whole, rest / period_ns, ticks_per_sample(config.tip_sensor.rate, period_ns))
 
 
@@ -121,7 +134,7 @@ def design_key(config: RunConfig) -> RunConfig:
     """
     latency = config.controller.model_tip_latency
     latency = config.tip_sensor.latency if latency is None else latency
-    believed = replace(config.controller, law="lqg", model_tip_latency=latency)
+    believed = replace(config.controller, law='lqg', model_tip_latency=latency)
     sensor = replace(
         TipSensorParameters(), location=config.tip_sensor.location, rate=config.tip_sensor.rate
     )

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Torques from a table: free and forced motions."""
 
 from __future__ import annotations
@@ -49,10 +63,10 @@ def _between(rows: tuple[Row, ...], following: int, time: float) -> tuple[float,
 def check_torques(rows: tuple[Row, ...]) -> None:
     """Raise ``ValueError``, naming the key, for a table that is empty or not in order of time."""
     if not rows:
-        raise ValueError("controller.torque_file: missing or empty, needed by law open_loop")
+        raise ValueError('controller.torque_file: missing or empty, needed by law open_loop')
     for number, (before, after) in enumerate(pairwise(rows), start=2):
         if after[0] < before[0]:
             raise ValueError(
-                f"controller.torque_file: row {number}: t = {after[0]!r} s after {before[0]!r} s, "
-                "times must not fall"
+                f'controller.torque_file: row {number}: t = {after[0]!r} s after {before[0]!r} s, '
+                'times must not fall'
             )

@@ -1,8 +1,22 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The Jacobian transpose laws: (20), and (21) with the fuzzy gain."""
 
 from __future__ import annotations
 
-from flexarm_ros.core.control.feedback import TipFeedback, jacobian_torque
+from flexarm_ros.core.control.feedback import jacobian_torque, TipFeedback
 from flexarm_ros.core.control.law import Law, Sample
 from flexarm_ros.core.fls import fls_lambda
 from flexarm_ros.core.parameters import RunConfig

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Laws ``inverse`` and ``passive``: the planned motion's torque and collocated feedback.
 
 ``inverse``: inverse dynamics of the flexible arm as feedforward, and the joints
@@ -25,9 +39,7 @@ and the tip's Jacobian.
 
 from __future__ import annotations
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.control.design.model import Point
 from flexarm_ros.core.control.design.motion import plan_for
 from flexarm_ros.core.control.feedback import limited
@@ -36,6 +48,7 @@ from flexarm_ros.core.control.lqg import latency_of
 from flexarm_ros.core.kinematics import elastic_point, rigid_point
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import Timeline
+import numpy as np
 
 _REGULAR = 2.0
 """l, m: below this lever a direction is hardly corrected, near the straight arm."""

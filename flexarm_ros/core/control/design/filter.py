@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Kalman filter along a planned motion, with the tip sensor's latency and unknowns in the model.
 
 What is estimated is z = (x, b, c): the state; five unknowns b (logarithms of EI
@@ -15,9 +29,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.control.design.model import (
     Arm,
     discretise,
@@ -27,6 +39,7 @@ from flexarm_ros.core.control.design.model import (
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
 from flexarm_ros.core.plant_full_model import Constants
+import numpy as np
 
 UNKNOWNS = 5
 """log EI, log density, latency (s), torque disturbances 1 and 2 (N m)."""
@@ -202,7 +215,15 @@ def update_all(
         newer = chain + 2 * setup.whole + c
         factors = (1.0 - setup.part, setup.part, -velocity[c])
         update(
-            p, (newer, newer + 2, size + 2), factors, var[2], 4 + c, size, considered, column, gains
+            p,
+            (newer, newer + 2, size + 2),
+            factors,
+            var[2],
+            4 + c,
+            size,
+            considered,
+            column,
+            gains,
         )
 
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The arm as a controller knows it: nonlinear step, linearisation and tip.
 
 The model is the ``full`` plant with parameters of the controller's own
@@ -9,13 +23,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.control.design.matrix import multiply
 from flexarm_ros.core.kinematics import elastic_point
-from flexarm_ros.core.plant_full_dynamics import Work, acceleration
+from flexarm_ros.core.plant_full_dynamics import acceleration, Work
 from flexarm_ros.core.plant_full_model import Constants
+import numpy as np
 
 _TAYLOR = 10
 _STEP = 1e-5

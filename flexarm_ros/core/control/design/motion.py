@@ -1,17 +1,29 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A scenario's model and plan, made once for all laws and runs that share them."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import lru_cache
+import math
 from typing import NamedTuple
-
-import numpy as np
 
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.control.design.model import Arm, Point
-from flexarm_ros.core.control.design.plan import Grid, Motion, Weights, fill_ticks, make_plan
+from flexarm_ros.core.control.design.plan import fill_ticks, Grid, make_plan, Motion, Weights
 from flexarm_ros.core.kinematics import inverse_kinematics, make_point
 from flexarm_ros.core.parameters import (
     PlantParameters,
@@ -23,7 +35,8 @@ from flexarm_ros.core.plant_full import FullPlant
 from flexarm_ros.core.plant_full_dynamics import make_work
 from flexarm_ros.core.plant_full_model import Constants, link_bases, make_constants_on
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
-from flexarm_ros.core.trajectory import Path, initial_angles, make_path
+from flexarm_ros.core.trajectory import initial_angles, make_path, Path
+import numpy as np
 
 KNOT_S = 0.02
 """Spacing of the plan's knots, s: the torques are linear between them."""
@@ -43,7 +56,7 @@ def model_of(config: RunConfig) -> PlantParameters:
     plant, own = config.plant, config.controller
     return replace(
         plant,
-        model="full",
+        model='full',
         modes=own.model_modes or plant.modes,
         flexural_rigidity=own.model_flexural_rigidity or plant.flexural_rigidity,
         mass_density=own.model_mass_density or plant.mass_density,
@@ -119,8 +132,8 @@ def horizon_ns(config: RunConfig) -> int:
         end = min(end, last.start_ns + last.time_ns + int(_SETTLE_S * NS_PER_S))
     if end > LONGEST_S * NS_PER_S:
         raise ValueError(
-            f"/**.duration: {config.run.duration!r} s, law {config.controller.law} plans the "
-            f"whole motion: allowed: up to {LONGEST_S - _AHEAD_S:g} s"
+            f'/**.duration: {config.run.duration!r} s, law {config.controller.law} plans the '
+            f'whole motion: allowed: up to {LONGEST_S - _AHEAD_S:g} s'
         )
     return end
 

@@ -1,3 +1,17 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Linear-quadratic regulator with integral action about a planned motion.
 
 The state is (dx, v, I, p): deviation from the plan, the torque added to it, the
@@ -16,9 +30,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from flexarm_ros.core.compiled import FloatArray, compiled
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.control.design.matrix import (
     add_outer,
     gains_of_two,
@@ -35,6 +47,7 @@ from flexarm_ros.core.control.design.model import (
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
 from flexarm_ros.core.plant_full_model import Constants
+import numpy as np
 
 
 class RegulatorWeights(NamedTuple):
