@@ -19,19 +19,24 @@ from __future__ import annotations
 from pathlib import Path
 import threading
 
-from nodetools import flexarm, wait_for
+from nodetools import Asker, flexarm, wait_for
 import pytest
 
 pytestmark = pytest.mark.nodes
 
 
 def composed(out: Path, done: list, *words: str) -> threading.Thread:
-    """Start a composed run of a second at real time on a thread; its end goes to ``done``."""
-    command = ('run', 'fls_tip', '--compose', '--rtf', '1', '--set', 'duration=1.0',
+    """Start a composed run of a second on a thread, slow until `hurry`; its end goes to ``done``."""
+    command = ('run', 'fls_tip', '--compose', '--rtf', '0.02', '--set', 'duration=1.0',
                '--no-pictures', '--out', out, *words)  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*command)))
     run.start()
     return run
+
+
+def hurry(asker: Asker) -> None:
+    """Let a run that has been found go on as fast as it can."""
+    assert asker.set('plant', 'real_time_factor', 0.0).successful
 
 
 def test_who_listens_gets_every_message(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
@@ -47,6 +52,8 @@ def test_who_listens_gets_every_message(tmp_path: Path, ros_domain: int, rclpy_n
     done: list = []
     run = composed(tmp_path / 'run', done)
     try:
+        wait_for(lambda: executor.spin_once(0.01) or stamps, 30, 'a message of the run')
+        hurry(Asker(node, executor))
         while run.is_alive():
             executor.spin_once(timeout_sec=0.1)
         wait_for(lambda: executor.spin_once(0.1) or stamps[-1:] == [1_999_000_000], 20, 'the end')
@@ -75,14 +82,15 @@ def test_who_speaks_in_anothers_place_is_noticed(
     node.create_subscription(Clock, '/clock', clocks.append, 1000)
     done: list = []
     run = composed(tmp_path / 'run', done, '--set', f'on_invalid={on_invalid}')
-    stranger = None
+    asker = Asker(node, executor)
     try:
-        while run.is_alive():
-            executor.spin_once(timeout_sec=0.01)
-            if clocks and stranger is None:  # the run has begun: who comes earlier is refused
-                stranger = node.create_publisher(JointState, '/joint_command', 10)
-            if stranger is not None:
-                stranger.publish(JointState(effort=[1e6, 1e6]))
+        # The run has begun, since who comes earlier is refused, and waits until all is connected.
+        wait_for(lambda: executor.spin_once(0.01) or clocks, 30, 'the run has begun')
+        stranger = node.create_publisher(JointState, '/joint_command', 10)
+        wait_for(lambda: stranger.get_subscription_count() >= 2, 20, 'plant and recorder hear it')
+        stranger.publish(JointState(effort=[1e6, 1e6]))
+        if on_invalid == 'ignore':
+            hurry(asker)
     finally:
         run.join(120)
     if on_invalid == 'error':
@@ -102,7 +110,7 @@ def test_another_arms_clock_is_passed_over_while_the_nodes_join(
     node, executor = rclpy_node
     clock = node.create_publisher(Clock, '/clock', 10)
     done: list = []
-    run = composed(tmp_path / 'run', done, '--set', 'duration=0.1')
+    run = composed(tmp_path / 'run', done, '--rtf', '1', '--set', 'duration=0.1')
     try:
         while run.is_alive():
             executor.spin_once(timeout_sec=0.002)
