@@ -21,7 +21,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from nodetools import finish, flexarm, ROLES, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm, ROLES, start_node, wait_for, write_scenario
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -62,9 +62,11 @@ def test_a_missing_node_is_named(tmp_path: Path, ros_domain: int) -> None:
     assert any('tip_sensor, controller, recorder' in text for text in texts), texts
 
 
-def test_a_second_plant_is_refused_and_the_run_goes_on(tmp_path: Path, ros_domain: int) -> None:
+def test_a_second_plant_is_refused_and_the_run_goes_on(
+    tmp_path: Path, ros_domain: int, rclpy_node
+) -> None:
     file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=3.0')
-    paced = ['-p', 'real_time_factor:=1.0']
+    paced = ['-p', 'real_time_factor:=0.05']
     own = {'recorder': ['-p', f'output:={tmp_path / "run"}'], 'plant': paced}
     nodes = [start_node(role, file, *own.get(role, [])) for role in ROLES]
     try:
@@ -73,6 +75,7 @@ def test_a_second_plant_is_refused_and_the_run_goes_on(tmp_path: Path, ros_domai
         (text,) = finish([second])
         assert second.returncode == 1
         assert 'another plant' in text
+        assert Asker(*rclpy_node).set('plant', 'real_time_factor', 0.0).successful
     finally:
         texts = finish(nodes)
     assert [node.returncode for node in nodes] == [0] * len(nodes), texts

@@ -48,7 +48,7 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
         return call('state').message.startswith('paused')
 
     done = []
-    words = ('run', 'pd_tip', '--set', 'duration=1.0', '--rtf', '0.2', '--no-pictures',
+    words = ('run', 'pd_tip', '--set', 'duration=1.0', '--rtf', '0.05', '--no-pictures',
              '--out', tmp_path / 'run')  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*words)))
     run.start()

@@ -41,7 +41,7 @@ def test_live_parameters_change_at_a_tick_and_are_on_record(
 
     ask = Asker(*rclpy_node)
     out, done = tmp_path / 'run', []
-    words = ('run', 'fls_tip', '--set', 'duration=1.0', '--rtf', '0.2', '--no-pictures',
+    words = ('run', 'fls_tip', '--set', 'duration=1.0', '--rtf', '0.05', '--no-pictures',
              '--out', out)  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*words)))
     run.start()

@@ -33,7 +33,7 @@ from flexarm_ros import scenario
 from flexarm_ros.core.arm_line import ArmLine
 from flexarm_ros.core.kinematics import rigid_point
 from flexarm_ros.nodes.skeleton import transforms, urdf
-from nodetools import flexarm, ROOT, wait_for
+from nodetools import Asker, flexarm, ROOT, wait_for
 import numpy as np
 import pytest
 
@@ -108,7 +108,7 @@ def test_browser_and_rviz_see_the_arm_bend(
     seen: list[list[Marker]] = []
     node.create_subscription(MarkerArray, '/viewer/markers', lambda m: seen.append(m.markers), 100)
     done: list = []
-    words = ('run', 'fls_mid', '--set', 'duration=0.4', '--set', 'plant.modes=2', '--rtf', '0.2',
+    words = ('run', 'fls_mid', '--set', 'duration=0.4', '--set', 'plant.modes=2', '--rtf', '0.02',
              '--domain', ros_domain, '--no-pictures', '--out', tmp_path / 'run')  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*words)))
     with browser_at(viewer[1]) as browser:
@@ -121,6 +121,7 @@ def test_browser_and_rviz_see_the_arm_bend(
                 return len(seen) > 5 and len(browser.frames['/arm']) > 5
 
             wait_for(enough, 90, 'frames in the browser and in RViz')
+            assert Asker(node, executor).set('plant', 'real_time_factor', 0.0).successful
         finally:
             run.join(120)
     assert done[0].returncode == 0, done[0].stderr
