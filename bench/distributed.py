@@ -93,7 +93,8 @@ def _ratios(found: dict[str, list[Cost]], whole: dict[str, float], tutorial: Cos
         ),
         Ratio(
             "a full tick, six processes / the floor's, wall time",
-            f'{median(c.wall_us for c in run):.0f} us', f'{median(c.wall_us for c in bare):.0f} us',
+            f'{median(c.wall_us for c in run):.0f} us',
+            f'{median(c.wall_us for c in bare):.0f} us',
             median(wall), 1.3, False, f'median of {ROUNDS} pairs, {TICKS} ticks each',
         ),
         Ratio(

@@ -30,7 +30,7 @@ from flexarm_ros import scenario
 
 MINUTES = (1, 10, 100)
 WITH_BAG = 10
-"""Longest run, minutes, that is flown with a bag too: the longer one would take the time of all."""
+"""Longest run, minutes, flown with a bag too: the longer one would take the time of all."""
 
 SENSORS = (0, 1, 2, 5, 10, 20)
 """Numbers of sensors at ``tip_sensor.more_locations``."""

@@ -68,7 +68,8 @@ def processes(
 ) -> Iterator[tuple[dict[str, Any], dict[str, str]]]:
     """Start commands in a domain of their own; none is left when the block ends.
 
-    ``env`` in ``options`` is added to their environment.  Yields the processes and the environment.
+    ``env`` in ``options`` is added to their environment.  Yields the processes and the
+    environment.
     """
     with reserved_domain() as domain, contextlib.ExitStack() as stack:
         environment = {

@@ -79,7 +79,8 @@ def measure() -> Part:
         f'from the first tick to the last with the bag written beside ({whole["rtf"]:.0f} times '
         f"real time), {whole['all_s']:.2f} s from the shell's prompt back to it, start-up, "
         f'`trajectory.csv` and `summary.json` included. The loop alone takes {cpu:.1f} us of '
-        f'processor time a tick, with the messages of a tick collected for the bag {blocks:.1f} us.'
+        'processor time a tick, with the messages of a tick collected for the bag '
+        f'{blocks:.1f} us.'
     )
     ratios = [
         Ratio(

@@ -94,7 +94,8 @@ def _fuzzy() -> Ratio:
     return Ratio(
         "scikit-fuzzy's `compute` / our evaluation", f'{ours * 1e6:.2f} us',
         f'{theirs * 1e3:.1f} ms', theirs / ours, 1000.0, True,
-        f'{len(points)} points, the same values to {worst:.0e}; processor time, best of 3 and of 5',
+        f'{len(points)} points, the same values to {worst:.0e}; '
+        'processor time, best of 3 and of 5',
     )  # fmt: skip
 
 

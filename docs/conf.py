@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The documentation as a site that needs no network: ``make docs``, then docs/_build/index.html."""
+"""The documentation as an offline site: ``make docs``, then docs/_build/index.html."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def start_nodes(context):
     """Return the actions that start the nodes, once the arguments are known."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     config = scenario.load(given['scenario'], [])
-    # The nodes get the scenario with every default written out, in the YAML that rcl reads as well.
+    # The nodes get the scenario with every default written out, in YAML that rcl reads as well.
     folder = tempfile.TemporaryDirectory(prefix='flexarm_ros-')
     torques = Path(folder.name) / 'torques.csv'
     if config.torques:

@@ -101,8 +101,8 @@ def expect_no_leftovers() -> None:
 def leftovers() -> dict[int, str]:
     """Return ``{pid: command line}`` of the living processes that carry this session's mark.
 
-    The mark is inherited, so that orphans are found too; pytest itself has it in `os.environ` only,
-    which does not show in ``/proc``.
+    The mark is inherited, so that orphans are found too; pytest itself has it in `os.environ`
+    only, which does not show in ``/proc``.
     """
     wanted = f'{MARK}={SESSION}'.encode()
     found = {}

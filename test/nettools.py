@@ -14,9 +14,9 @@
 
 """Two machines for a test: network namespaces with a link between them, good or bad.
 
-A good link is a veth pair.  A bad one is the same pair with ``tc netem``, where the kernel has that
-queue; elsewhere two TAP devices and a thread of the test that carries the frames from one to the
-other, late, and loses some (drawn with a fixed seed).
+A good link is a veth pair.  A bad one is the same pair with ``tc netem``, where the kernel has
+that queue; elsewhere two TAP devices and a thread of the test that carries the frames from one to
+the other, late, and loses some (drawn with a fixed seed).
 """
 
 from __future__ import annotations

@@ -56,7 +56,8 @@ def test_bytes_are_those_of_the_type_store(codec: Codec) -> None:
     data = codec.encode(1_234_567_890_123, *values)
     message = typestore().deserialize_cdr(data, codec.type_name)
     assert bytes(typestore().serialize_cdr(message, codec.type_name)) == data
-    stamp = message.clock if isinstance(codec, ClockCodec) else message.header.stamp  # type: ignore[attr-defined]
+    stamped: Any = message
+    stamp = stamped.clock if isinstance(codec, ClockCodec) else stamped.header.stamp
     assert (stamp.sec, stamp.nanosec) == (1234, 567_890_123)
     assert len(data) == codec.size
 

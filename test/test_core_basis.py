@@ -147,7 +147,7 @@ def test_composite_rule_integrates_polynomials_exactly() -> None:
 @pytest.mark.parametrize('hub', [0.0, 8.0])
 @pytest.mark.parametrize('count', [4, 5, 6])
 def test_arm_modes_do_not_hang_on_rounding(hub: float, count: int) -> None:
-    """Equal links, folded, have pairs of modes of one frequency: any two of their plane will do."""
+    """Equal links, folded, have pairs of modes of one frequency: any two of their plane do."""
     plant = PlantParameters(modes=count, hub_inertia=(hub, hub), basis='arm_modes')
     heavier = replace(plant, mass_density=(0.335 * (1.0 + 1e-12), 0.335))
     for one, other in zip(arm_bases(plant), arm_bases(heavier), strict=True):

@@ -15,9 +15,9 @@
 """Every command and every Python snippet of README and docs is run as it stands there.
 
 A page's ``sh`` blocks run in one shell, in order, in a directory that looks like the source tree;
-its ``python`` blocks then run as one script.  ``<!-- page: quick -->`` puts a page into the default
-tests, every other one is slow.  A mark on the line before a block: ``<!-- test: slow -->`` leaves
-it out of a quick page's default run, ``<!-- test: skip (why) -->`` out of both.
+its ``python`` blocks then run as one script.  ``<!-- page: quick -->`` puts a page into the
+default tests, every other one is slow.  A mark on the line before a block: ``<!-- test: slow -->``
+leaves it out of a quick page's default run, ``<!-- test: skip (why) -->`` out of both.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Time: stamps past 31 and 32 bits, past a day, small ticks; what nodes with `use_sim_time` see."""
+"""Time: stamps past 31 and 32 bits, past a day, small ticks; what `use_sim_time` nodes see."""
 
 from __future__ import annotations
 

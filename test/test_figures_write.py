@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pictures for papers: which are written, that they hold what they should, and of what runs."""
+"""The pictures for papers: which are written, whether they hold what they should, of what runs."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.nodes
 
 
 def composed(out: Path, done: list, *words: str) -> threading.Thread:
-    """Start a composed run of a second on a thread, slow until `hurry`; its end goes to ``done``."""
+    """Start a composed run of 1 s on a thread, slow until `hurry`; its end goes to ``done``."""
     command = ('run', 'fls_tip', '--compose', '--rtf', '0.02', '--set', 'duration=1.0',
                '--no-pictures', '--out', out, *words)  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*command)))

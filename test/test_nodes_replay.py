@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recorded run published again: pace, steps, loops, a part of it, and a controller against it."""
+"""A recorded run published again: pace, steps, loops, a part of it, a controller against it."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def test_package_xml_agrees_with_setup() -> None:
     assert root.findtext('license') == license_
     assert root.findtext('export/build_type') == 'ament_python'
     (maintainer,) = root.findall('maintainer')
-    # The form that catkin_pkg accepts; for any other, colcon takes this for a plain Python package.
+    # The form that catkin_pkg accepts; for any other, colcon takes this for plain Python.
     address, _, host = maintainer.attrib['email'].partition('@')
     assert address
     assert 2 <= len(host.rpartition('.')[2]) <= 6

@@ -151,12 +151,16 @@ WRONG = {
     'nan': (params('controller', 'kp: .nan'), ['controller.kp', '.nan', 'finite']),
     'nan in an array': (params('plant', 'length: [nan, 1]'), ['plant.length[0]', 'nan', 'finite']),
     'infinity': (params('controller', 'kp: .inf'), ['controller.kp', '.inf', 'finite']),
-    'negative length': (params('plant', 'length: [-1, 4.5]'), ['plant.length[0]', '-1', 'above 0']),
+    'negative length': (
+        params('plant', 'length: [-1, 4.5]'), ['plant.length[0]', '-1', 'above 0'],
+    ),
     'zero length': (params('plant', 'length: [4.5, 0]'), ['plant.length[1]', '0', 'above 0']),
     'one length': (params('plant', 'length: [4.5]'), ['plant.length', 'two']),
     'scalar length': (params('plant', 'length: 4.5'), ['plant.length', '4.5', 'two']),
     'empty array': (params('plant', 'length: []'), ['plant.length', '[]', 'two']),
-    'latency': (params('tip_sensor', 'latency: -1e-3'), ['tip_sensor.latency', '-1e-3', 'least 0']),
+    'latency': (
+        params('tip_sensor', 'latency: -1e-3'), ['tip_sensor.latency', '-1e-3', 'least 0'],
+    ),
     'subnormal': (params('controller', 'kp: 0x1p-1060'), ['controller.kp', '0x1p-1060']),
     'period': (params('/**', 'control_period: 0.0000000015'), ['control_period', 'nanoseconds']),
     'period, long text': (

@@ -69,7 +69,8 @@ def test_scenarios_run_slowest_then_the_axes_then_the_draws() -> None:
     [
         ('controller.kp: {from: 0, to: 1, count: 11}', 'controller.kp',
          ['0.0', '0.1', '0.2', '0.3', '0.4', '0.5', '0.6', '0.7', '0.8', '0.9', '1.0']),
-        ('controller.kp: {from: 0.1, to: 0.35, step: 0.1}', 'controller.kp', ['0.1', '0.2', '0.3']),
+        ('controller.kp: {from: 0.1, to: 0.35, step: 0.1}', 'controller.kp',
+         ['0.1', '0.2', '0.3']),
         ('controller.kp: {from: 3, to: 1, step: -1}', 'controller.kp', ['3.0', '2.0', '1.0']),
         ('controller.kp: {from: 1, to: 100, count: 3, scale: log}', 'controller.kp',
          ['1.0', '10.0', '100.0']),

@@ -53,8 +53,9 @@ def test_a_page_without_the_marks_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('name', 'wanted'),
     [
-        ('map', {'scenario': 'pd_tip', 'tip_sensor.location': '9.0', 'tip_sensor.latency': '0.0312',
-                 'tip_sensor.measurand': 'rigid', 'controller.velocity_source': 'feedback'}),
+        ('map', {'scenario': 'pd_tip', 'tip_sensor.location': '9.0',
+                 'tip_sensor.latency': '0.0312', 'tip_sensor.measurand': 'rigid',
+                 'controller.velocity_source': 'feedback'}),
         ('hub', {'scenario': 'fls_tip', 'plant.hub_inertia': '6.0',
                  'tip_sensor.latency': '0.001238', 'controller.velocity_source': 'feedback'}),
         ('hub_elastic', {'scenario': 'fls_tip', 'plant.hub_inertia': '20.0',

@@ -95,7 +95,8 @@ def run() -> Section:
     )  # fmt: skip
     section.say(
         f'A sine through a delay of {1e3 * LATENCY:g} ms at 10 kHz: gain and phase (rad) as '
-        "measured, error against each line's closed form, and how far `pade2` is from a true delay:"
+        "measured, error against each line's closed form, and how far `pade2` is from a true "
+        'delay:'
     )
     rows, worst = [], 0.0
     for omega in (2.0, 10.0, 30.0, 60.0, 100.0, 150.0):

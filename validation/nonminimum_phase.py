@@ -160,7 +160,11 @@ def paper_misfit(hub: float, location: float, until: float) -> tuple[float, floa
     size = float(np.sqrt(np.mean(height**2)))
     late = rigid_height(arm, location, times - location / WAVE_SPEED)
     prompt = rigid_height(arm, location, times)
-    return tuple(float(np.sqrt(np.mean((height - r) ** 2))) / size for r in (late, prompt))  # type: ignore[return-value]
+
+    def misfit(rigid: Array) -> float:
+        return float(np.sqrt(np.mean((height - rigid) ** 2))) / size
+
+    return misfit(late), misfit(prompt)
 
 
 def run() -> Section:

@@ -14,9 +14,9 @@
 
 """The paper's claims under one changed assumption at a time: the tables of docs/paper.md.
 
-    python -m validation.paper_claims                 # all rows; writes docs/data and docs/paper.md
-    python -m validation.paper_claims --only full_3   # one row, printed
-    python -m validation.paper_claims --tables        # docs/paper.md from docs/data, nothing flown
+    python -m validation.paper_claims                # all rows; writes docs/data, docs/paper.md
+    python -m validation.paper_claims --only full_3  # one row, printed
+    python -m validation.paper_claims --tables       # docs/paper.md from docs/data, nothing flown
 
 Each row flies the paper's ten cases (config/paper.yaml) with some parameters set anew and
 judges the claims as they are written there, without changing a limit.  All rows take some

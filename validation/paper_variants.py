@@ -125,7 +125,9 @@ VARIANTS = (
         )
         for n in (1, 2, 3)
     ),
-    Variant('damped', 'no damping', '1 % of critical in every mode', ('plant.damping_ratio=0.01',)),
+    Variant(
+        'damped', 'no damping', '1 % of critical in every mode', ('plant.damping_ratio=0.01',),
+    ),
     Variant('elbow', 'elbow branch', 'theta2 < 0', ()),
     Variant('tick_01', '1 ms steps', 'tick 0.1 ms', ('control_period=0.0001',)),
     Variant(

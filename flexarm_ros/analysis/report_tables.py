@@ -61,7 +61,8 @@ def _breakable(name: str) -> str:
 
 
 def _scroll(table: str, label: str) -> str:
-    return f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">{table}</div>'
+    region = f'tabindex="0" role="region" aria-label="{escape(label)}"'
+    return f'<div class="scroll" {region}>{table}</div>'
 
 
 def _run_heads(runs: Sequence[Run]) -> str:

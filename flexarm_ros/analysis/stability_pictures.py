@@ -228,7 +228,7 @@ def speed(data: Path) -> Figure:
 
 
 def fls_gain(data: Path) -> Figure:
-    """Draw the largest stable gain over the elbow angle, and what the FLS makes of it in flight."""
+    """Draw the largest stable gain over the elbow angle, and what FLS makes of it in flight."""
     figure = new_figure(8.6, 5.0)
     axis = figure.subplots()
     lines = (

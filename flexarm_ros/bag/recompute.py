@@ -113,7 +113,8 @@ class Nodes:
         inputs = (now[JOINT_STATES], now[TIP], now[REFERENCE])
         if tick == self._judged and None not in inputs:
             self._judged += 1
-            sample = Sample(q.tolist(), qd.tolist(), (state[n], state[n + 1]), *inputs)  # type: ignore[arg-type]
+            deflection = (state[n], state[n + 1])
+            sample = Sample(q.tolist(), qd.tolist(), deflection, *inputs)  # type: ignore[arg-type]
             found[COMMAND] = (stamp, self._law.torque(tick, sample))
 
 

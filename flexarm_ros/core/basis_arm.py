@@ -166,9 +166,9 @@ def _mode_shapes(
 
 
 def _first_twins(squares: FloatArray, served: int, together: bool) -> list[int]:
-    """Return for each mode the place of its first twin: ``served`` modes, and the last one's twins.
+    """Return for each mode the place of its first twin.
 
-    ``together`` false: every mode by itself.
+    Of ``served`` modes, and the last one's twins; ``together`` false: every mode by itself.
     """
     first = [0]
     for place in range(1, len(squares) if together else served):

@@ -60,7 +60,7 @@ class Participant(Node):
     OWN_PARAMETERS: ClassVar[dict[str, Own]] = {}
     """Parameters that are no part of a scenario."""
     again = False
-    """Whether `advance` may have more to do at once; else one call is all there is to a wake-up."""
+    """Whether `advance` may have more to do at once; else a wake-up takes one call."""
 
     def __init__(self, argv: list[str], supervisor: Supervisor, **options: Any) -> None:
         super().__init__(self.ROLE, **options)

@@ -60,7 +60,7 @@ class ControllerSeat:
         self._equal = self._answered = 0
 
     def wait_for_controller(self) -> None:
-        """Wait until a controller is connected, or the player stopped; RunFailed after a minute."""
+        """Wait for a controller to connect or the player to stop; RunFailed after a minute."""
         deadline = time.monotonic() + 60.0
         board, seen = self._boards['plant'], 0.0
         while time.monotonic() < deadline:

@@ -28,8 +28,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-# A participant announces itself every 3 s, and the faster announcements at its start may be missed;
-# there is no daemon here that has listened before.
+# A participant announces itself every 3 s, and the faster announcements at its start may be
+# missed; there is no daemon here that has listened before.
 DISCOVERY_S = 3.5  # for verbs that list what there is
 PATIENCE_S = 5.0  # at most, for verbs that name something: until it is there
 
