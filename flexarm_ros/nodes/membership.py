@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TYPE_CHECKING
+from typing import Any, NoReturn, TYPE_CHECKING
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
 _FOREIGN_AFTER_S = 2.0
-"""A publisher that has not introduced itself by then is somebody else's node."""
+"""Who has not introduced himself by then is somebody else's node."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
+_BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 
 
 class Membership:
@@ -46,6 +47,7 @@ class Membership:
         self._since: float | None = None
         self._newcomers = -1
         self._foreign_since: dict[str, float] = {}
+        self._silent_since: dict[bytes, float] = {}
         self.foreign: set[str] = set()
         self._members: dict[str, str] = {}
 
@@ -96,6 +98,8 @@ class Membership:
         if missing:
             self._patience_for(missing, now)
             return False
+        if self._somebody_is_silent(now):
+            return False
         if not self.built:
             self.config = self._merge()
         return True
@@ -112,17 +116,31 @@ class Membership:
             raise RunFailed(missing[0], f'start: no {names} joined within {limit:g} s')
 
     def _refuse_a_second_holder(self) -> None:
-        """Leave if another node holds this role already."""
-        for other in self._board.of(self._me.ROLE):
+        """Leave if another node holds this role already, or held it when the run began."""
+        role = self._me.ROLE
+        for other in self._board.of(role):
             if other.phase.over:
                 continue
             earlier = other.phase is not Phase.JOINING
             if earlier or other.identity < self._board.mine.identity:
-                self.refused = True
-                raise RunFailed(
-                    self._me.ROLE,
-                    f'refused: another {self._me.ROLE} ({other.node}) takes part in this run',
-                )
+                self._refuse(f'another {role} ({other.node}) takes part in this run')
+        plant = self.status_of('plant')
+        if plant is not None and plant.phase in _BEGUN:
+            # It waits for all before it begins: the seat is, or was, somebody else's.
+            self._refuse(f'this run has begun already; a new {role} cannot join it')
+
+    def _refuse(self, why: str) -> NoReturn:
+        self.refused = True
+        raise RunFailed(self._me.ROLE, f'refused: {why}')
+
+    def _somebody_is_silent(self, now: float) -> bool:
+        """Whether somebody in the graph has not said yet who he is, and may still do so.
+
+        It may be another holder of this node's role, whose status is on its way.
+        """
+        since = self._silent_since
+        self._silent_since = {gid: since.get(gid, now) for gid in self._board.silent()}
+        return any(now - first < _FOREIGN_AFTER_S for first in self._silent_since.values())
 
     def _filled(self, role: str, now: float) -> bool:
         """Whether one of ours, or after a while a foreign node, fills ``role``."""

@@ -162,6 +162,7 @@ class Board:
         self.others: dict[str, Status] = {}
         self._gids: dict[str, bytes] = {}
         self._seen: set[str] = set()
+        self._spoke: set[bytes] = set()
         self.newcomers = 0
         self._publisher = node.create_publisher(
             DiagnosticStatus, TOPIC, _QOS, qos_overriding_options=NO_OVERRIDES
@@ -183,9 +184,10 @@ class Board:
             if taken is None:
                 break
             status = Status.from_message(taken[0])
+            gid = bytes(taken[1].get('publisher_gid', {}).get('data', b''))
+            self._spoke.add(gid[:16])
             if status is None or status.identity == self.mine.identity:
                 continue
-            gid = bytes(taken[1].get('publisher_gid', {}).get('data', b''))
             if status.identity not in self.others:
                 self.newcomers += 1
                 self._gids[status.identity] = gid
@@ -198,15 +200,21 @@ class Board:
 
         A message may come before the graph shows its publisher.
         """
-        topic = self._publisher.topic_name
-        alive = {
-            bytes(e.endpoint_gid)[:16] for e in self._node.get_publishers_info_by_topic(topic)
-        }
+        alive = self._publishers()
         for identity, gid in list(self._gids.items()):
             if gid[:16] in alive:
                 self._seen.add(identity)
             elif identity in self._seen:
                 del self.others[identity], self._gids[identity]
+
+    def silent(self) -> set[bytes]:
+        """Return the publishers in the graph (gids) from which no status has come yet."""
+        return self._publishers() - self._spoke
+
+    def _publishers(self) -> set[bytes]:
+        """Return the gids of all who publish a status, this node included."""
+        topic = self._publisher.topic_name
+        return {bytes(e.endpoint_gid)[:16] for e in self._node.get_publishers_info_by_topic(topic)}
 
     def gid(self, status: Status) -> bytes:
         """Return the identity of the publisher that ``status`` came from."""
@@ -214,11 +222,7 @@ class Board:
 
     def writers(self) -> set[bytes]:
         """Return the DDS participants (gid prefixes) of all who published a status."""
-        own = [
-            bytes(e.endpoint_gid)
-            for e in self._node.get_publishers_info_by_topic(self._publisher.topic_name)
-        ]
-        return {gid[:12] for gid in own} | {gid[:12] for gid in self._gids.values()}
+        return {gid[:12] for gid in (*self._publishers(), *self._gids.values())}
 
     def of(self, role: str) -> list[Status]:
         """Return the statuses of the other nodes that hold ``role`` and take part."""

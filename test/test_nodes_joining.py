@@ -1,0 +1,125 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A controller on its way into a run whose seat is taken: it is refused, however late it hears.
+
+The controller is in the test's own process and is told what time it is, so that nothing here
+depends on how fast the machine is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from flexarm_ros import scenario
+from flexarm_ros.nodes import status
+from flexarm_ros.nodes.agreement import dump_sections
+from flexarm_ros.nodes.controller import ControllerNode
+from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.status import Phase
+from flexarm_ros.nodes.supervisor import Supervisor
+from nodetools import ROLES, wait_for, write_scenario
+import pytest
+import rclpy
+from wiretools import Peers, Wire
+
+pytestmark = pytest.mark.nodes
+
+
+class Joining:
+    """A controller before its run, the other nodes, and a first controller still unheard of."""
+
+    def __init__(self, file: Path) -> None:
+        words = ['--ros-args', '--params-file', str(file)]
+        self.config = scenario.load(str(file), [])
+        self.peers = Peers('controller', self.config)
+        self.first = Wire('first')
+        self.word = self.first.publisher(status.TOPIC, DiagnosticStatus, status._QOS)
+        self.context = rclpy.Context()
+        rclpy.init(args=words, context=self.context)
+        self.second = ControllerNode(words, Supervisor(), context=self.context)
+        others = len(ROLES)  # the five others and the first controller
+        wait_for(lambda: len(self.second.board.silent() | self.heard()) > others, 60, 'all seen')
+        self.hear(len(ROLES) - 1)
+
+    def heard(self) -> set[bytes]:
+        """Return who has said who he is, this controller included."""
+        return set(self.second.board._spoke)
+
+    def hear(self, count: int) -> None:
+        """Take statuses until those of ``count`` others are here."""
+
+        def taken() -> bool:
+            self.second.board.update()
+            return len(self.second.board.others) == count
+
+        wait_for(taken, 60, f'{count} others heard')
+
+    def introduce(self, identity: str) -> None:
+        """Let the first controller say who it is."""
+        texts = dump_sections(self.config, 'controller')
+        known = status.Status('controller', identity, '/first', Phase.READY, parameters=texts)
+        self.word.publish(known.to_message())
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.second.destroy_node()
+        rclpy.shutdown(context=self.context)
+        self.first.close()
+        self.peers.close()
+
+
+@pytest.fixture
+def joining(tmp_path: Path, ros_domain: int) -> Iterator[Joining]:
+    """Yield a controller that everybody is waiting for, as it thinks."""
+    made = Joining(write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3'))
+    yield made
+    made.close()
+
+
+def test_a_controller_waits_until_all_in_the_graph_have_said_who_they_are(
+    joining: Joining,
+) -> None:
+    member = joining.second.membership
+    assert not member.join(0.0)
+    assert not member.join(1.9)
+    joining.introduce('9')  # a later identity: that it is ready already is what counts
+    joining.hear(len(ROLES))
+    with pytest.raises(RunFailed, match=r'refused: another controller \(/first\) takes part'):
+        member.join(1.95)
+    assert member.refused
+
+
+def test_it_does_not_wait_for_ever(joining: Joining) -> None:
+    member = joining.second.membership
+    assert not member.join(0.0)
+    assert member.join(2.1)
+
+
+def test_a_run_that_has_begun_is_not_joined(joining: Joining) -> None:
+    member = joining.second.membership
+    assert not member.join(0.0)
+    joining.peers.boards['plant'].publish(phase=Phase.RUNNING)
+
+    def running() -> bool:
+        joining.second.board.update()
+        plant = member.status_of('plant')
+        return plant is not None and plant.phase is Phase.RUNNING
+
+    wait_for(running, 60, 'the plant runs')
+    with pytest.raises(RunFailed, match='refused: this run has begun already'):
+        member.join(0.1)
+    assert member.refused
