@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import json
+import os
 from pathlib import Path
 import sys
 import time
@@ -25,6 +26,7 @@ import time
 from bagtools import small_messages
 from flexarm_ros import scenario
 from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.bag.verify import verify
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.launcher import litter, processes, run
@@ -52,6 +54,11 @@ AHEAD_S = 6.0
 LIMIT_S = TICK_TIMEOUT_S + 0.6 + processes.END_GRACE_S + 2.0
 """Wall time from a fault to the end of all processes: the limit on a tick with the last node's
 patience, the look at the verdicts, the time to leave, SIGTERM, SIGKILL."""
+
+
+def load() -> float:
+    """Return how many times longer things take here than on a machine that is not overloaded."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 @dataclass
@@ -141,10 +148,15 @@ def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = '') ->
     whole = [k for k in range(TICKS) if all((k, path) in by_tick for path in paths)]
     assert whole == list(range(ticks))
     # Of the tick that was not finished there may be some messages, of later ones none.
-    # But where a node has gone without a word, and what nobody had read of it with it.
+    # But where a node has gone without a word, and what nobody had read of it with it; and
+    # where the recorder stood still: by the time it reads on, the others have gone with theirs.
     missing = {path for path in paths if (ticks, path) not in by_tick}
-    if not missing <= {topic.path for topic in per_tick_topics(config) if topic.node == gone}:
+    lost = {t.path for t in per_tick_topics(config) if gone in (t.node, 'recorder')}
+    if not missing <= lost:
         assert max((tick for tick, _ in by_tick), default=-1) <= ticks, sorted(by_tick)[-12:]
+    verdict = verify(directory)
+    assert verdict.same is bool(messages), (verdict.faults, verdict.earliest)  # none prove nothing
+    assert verdict.ticks >= ticks
     with AnyReader([bag]) as reader:
         assert sum(1 for _ in reader.messages()) == len(messages)
     rows = (directory / 'trajectory.csv').read_text().splitlines()
@@ -166,11 +178,12 @@ def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
     ahead = {'plant': 1, 'trajectory': 2 * AHEAD, 'recorder': RECORDER_WINDOW}.get(role, 0)
     unread = UNREAD_TICKS if fault in ('exit', 'kill') else 0
     assert tick - max(ahead, unread) <= named <= min(tick + ahead, TICKS), said
-    lost = CHUNK_TICKS if (role, fault) == ('recorder', 'kill') else 0
+    # A recorder that ends without a word has its last chunk in memory.
+    lost = CHUNK_TICKS if role == 'recorder' and fault in ('exit', 'kill') else 0
     assert done.ticks >= min(tick, named) - lost - 1
     # The plant leaves when it is done, though the recorder, which is behind it, stands still.
     limit = LIMIT_S + (run.LEAVING_S - TICK_TIMEOUT_S + AHEAD_S) * ('did not leave' in said)
-    assert done.took_s < limit, f'{said}, after {done.took_s} s'
+    assert done.took_s < limit * load(), f'{said}, after {done.took_s} s'
     assert done.memory, 'no shared memory was noted'
     # Ports are numbered for the whole machine: somebody else's run may have taken one over.
     left = [name for name in done.memory if (litter.FOLDER / name).exists()]

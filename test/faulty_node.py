@@ -38,13 +38,22 @@ def main() -> int:
 
     class Faulty(getattr(module, name)):  # type: ignore[misc]
         def advance(self, *args: Any) -> bool:
-            if self._strikes():
-                if fault == 'raise':
-                    raise ZeroDivisionError('a fault on purpose')
-                if fault == 'exit':
-                    raise SystemExit(0)
-                self.crashed = 'ZeroDivisionError: a fault on purpose'
+            self._strike()
             return bool(super().advance(*args))
+
+        def check_end(self) -> None:
+            if role == 'recorder':  # a batch of ticks may have been the rest of the run
+                self._strike()
+            super().check_end()
+
+        def _strike(self) -> None:
+            if not self._strikes():
+                return
+            if fault == 'raise':
+                raise ZeroDivisionError('a fault on purpose')
+            if fault == 'exit':
+                raise SystemExit(0)
+            self.crashed = 'ZeroDivisionError: a fault on purpose'
 
         def _strikes(self) -> bool:
             if role != 'trajectory':

@@ -20,6 +20,7 @@ from itertools import product
 from pathlib import Path
 
 from faulttools import check_end, faulty_run, OWN, SIGNALS
+from flexarm_ros.launcher.processes import NodeProcesses
 from nodetools import ROLES
 import pytest
 
@@ -51,6 +52,19 @@ def test_every_other_fault_ends_the_run(
 ) -> None:
     done = faulty_run(monkeypatch, tmp_path / 'run', role, fault, tick)
     check_end(done, role, fault, tick)
+
+
+def test_who_blames_another_is_not_silent_himself(tmp_path: Path) -> None:
+    """The controller lacks the plant's state, the plant itself says that the recorder stands."""
+    with NodeProcesses({}, {}, tmp_path) as nodes:
+        nodes.report.failures = [
+            {'role': 'controller', 'blame': 'plant', 'text': 'tick 9: no message on plant/state'},
+            {'role': 'encoder', 'blame': 'plant', 'text': 'tick 9: no message on plant/state'},
+            {'role': 'plant', 'blame': 'recorder', 'text': 'tick 9: nothing recorded'},
+        ]
+        assert nodes.blame() == 'recorder: tick 9: nothing recorded'
+        nodes.report.failures[2] |= {'blame': 'plant', 'text': 'told by the controller'}
+        assert nodes.blame() == 'plant: tick 9: no message on plant/state'
 
 
 def test_the_quick_cases_cover_each_node_fault_and_time() -> None:

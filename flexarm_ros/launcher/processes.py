@@ -231,7 +231,10 @@ class NodeProcesses:
             heard = [line for line in heard if not line['text'].startswith(INTERRUPTED)]
         verdicts = [line for line in heard if line.get('blame')]
         if verdicts:
-            first = min(verdicts, key=_nearness)
+            # Who blames another is not silent itself.
+            speaking = {line['role'] for line in verdicts if line['blame'] != line['role']}
+            silent = [line for line in verdicts if line['blame'] not in speaking]
+            first = min(silent or verdicts, key=_nearness)
             return f'{first["blame"]}: {first["text"]}'
         if heard:
             return f'{heard[0]["role"]}: {heard[0]["text"]}'

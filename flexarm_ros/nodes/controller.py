@@ -76,5 +76,5 @@ class ControllerNode(Participant):
         return '', ''
 
     def patience_s(self) -> float:
-        """Speak first: this node knows which sensor is silent."""
-        return 0.0
+        """Speak first of a sensor, but let the plant say itself what holds it up."""
+        return 0.0 if self._state.fetch(self.tick) else 0.5

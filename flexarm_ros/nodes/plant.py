@@ -225,8 +225,8 @@ class PlantNode(Participant):
         return 'controller', 'no torque on joint_command'
 
     def patience_s(self) -> float:
-        """Let the controller name a silent sensor first."""
-        return 0.25
+        """Let the controller name a silent sensor first; of the recorder nobody else knows."""
+        return 0.25 if self._sent else 0.0
 
     def _end_unstable(self, trouble: str) -> None:
         """End the run at this tick; the peers finish it, and it stays on record."""
