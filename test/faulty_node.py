@@ -26,17 +26,11 @@ import sys
 from typing import Any
 
 
-def main() -> int:
-    role, fault, tick = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    if fault == 'import':
-        raise ImportError('no such module, on purpose')
-    from flexarm_ros.nodes import process
+def faulty(kind: type[Any], role: str, fault: str, tick: int) -> type[Any]:
+    """Return the node's class with the fault in it."""
     from flexarm_ros.nodes.graph import TICK_EVERY
 
-    name = process.CLASSES[role]
-    module = import_module(f'flexarm_ros.nodes.{role}')
-
-    class Faulty(getattr(module, name)):  # type: ignore[misc]
+    class Faulty(kind):  # type: ignore[misc]
         def advance(self, *args: Any) -> bool:
             self._strike()
             return bool(super().advance(*args))
@@ -61,7 +55,19 @@ def main() -> int:
             # It hears of the plant's ticks now and then, and is far ahead of them itself.
             return self._reached.ticks > 0 and tick < self._reached.ticks + TICK_EVERY
 
-    setattr(module, name, Faulty)
+    return Faulty
+
+
+def main() -> int:
+    """Start the node that ``sys.argv`` names, with its fault."""
+    role, fault, tick = sys.argv[1], sys.argv[2], int(sys.argv[3])
+    if fault == 'import':
+        raise ImportError('no such module, on purpose')
+    from flexarm_ros.nodes import process
+
+    name = process.CLASSES[role]
+    module = import_module(f'flexarm_ros.nodes.{role}')
+    setattr(module, name, faulty(getattr(module, name), role, fault, tick))
     return process.run_process(role, sys.argv[4:])
 
 
