@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``python -m bench``: measure everything, print the table, write docs/performance.md.
+"""
+``python -m bench``: measure everything, print the table, write docs/performance.md.
 
 ``python -m bench PART...`` measures these parts only and prints them; the document stays as it is,
 since its figures are those of one run.
@@ -59,7 +60,8 @@ def main(words: list[str]) -> int:
 
 
 def filled(page: str, blocks: dict[str, str]) -> str:
-    """Return ``page`` with the text between each pair of markers replaced.
+    """
+    Return ``page`` with the text between each pair of markers replaced.
 
     Raises ValueError where a block has no place in it.
     """

@@ -60,7 +60,7 @@ def measure() -> tuple[Ratio, str]:
         'Exudyn / our full model, one second of motion',
         f'{fits[2] * 1e3:.1f} ms', f'{best[2] * 1e3:.0f} ms', best[2] / fits[2], None, True,
         f"tip within {fits[1] * 1e3:.1f} and {best[1] * 1e3:.1f} mm of a fine mesh's; processor "
-        "time, one run",
+        'time, one run',
     )  # fmt: skip
     rows = [(n, f'{1e3 * tip:.2f}', f'{1e3 * wall:.1f}') for n, tip, wall in [*ours, *theirs]]
     head = ('one second of `shoulder_pulse`, by', 'tip error, mm', 'processor time, ms')

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The floor: the same nodes, topics, types and sizes in lock-step, with empty callbacks.
+"""
+The floor: the same nodes, topics, types and sizes in lock-step, with empty callbacks.
 
 ``python -m bench.floor ROLE TICKS MODE`` is one process of it.  ``MODE``:
 

@@ -66,7 +66,8 @@ class MeasurementFailed(Exception):
 def processes(
     commands: dict[str, list[str]], **options: Any
 ) -> Iterator[tuple[dict[str, Any], dict[str, str]]]:
-    """Start commands in a domain of their own; none is left when the block ends.
+    """
+    Start commands in a domain of their own; none is left when the block ends.
 
     ``env`` in ``options`` is added to their environment.  Yields the processes and the
     environment.

@@ -46,7 +46,8 @@ print(time.perf_counter() - start, time.process_time())
 
 
 def loop_us(config: RunConfig, blocks: bool = False, ticks: int = TICKS) -> tuple[float, float]:
-    """Return wall and processor time of a tick in the loop, us: the best of some runs.
+    """
+    Return wall and processor time of a tick in the loop, us: the best of some runs.
 
     ``blocks``: with the messages of each tick collected for the bag, as ``simulate`` does.
     """

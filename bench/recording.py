@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How many messages a second are recorded before one is lost, beside a bare MCAP writer.
+"""
+How many messages a second are recorded before one is lost, beside a bare MCAP writer.
 
 ``python -m bench.recording TOPICS KIND`` is the publisher: it reads a rate (messages a second, all
 topics together) and a number of messages for each topic from standard input, publishes them, and

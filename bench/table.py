@@ -32,7 +32,8 @@ _PACKAGES = (
 
 @dataclass
 class Ratio:
-    """One line of the summary: two figures measured side by side, and their ratio.
+    """
+    One line of the summary: two figures measured side by side, and their ratio.
 
     ``goal`` is what the ratio should be at least (``least``) or at most; None: there is none.
     """
@@ -55,7 +56,7 @@ class Ratio:
 
     @property
     def aim(self) -> str:
-        """The goal as text."""
+        """Return the goal as text."""
         if self.goal is None:
             return ''
         return f'{"at least" if self.least else "at most"} {self.goal:g}'

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One node of a real run with its costs told: ``python -m bench.traced ROLE OUT ...``.
+"""
+One node of a real run with its costs told: ``python -m bench.traced ROLE OUT ...``.
 
 Counts the processor time from the first tick to the last of this process and of the thread that
 drives the lock-step, and by wrapping the calls in question what part each has in it.  With

@@ -13,7 +13,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A trajectory node of your own: a circle in place of the square, in lock-step.
+"""
+A trajectory node of your own: a circle in place of the square, in lock-step.
 
     export ROS_DOMAIN_ID=7
     python3 examples/circle_trajectory.py &

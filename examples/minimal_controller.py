@@ -13,7 +13,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A controller of your own in 40 lines: PD on the joints, in lock-step with our plant.
+"""
+A controller of your own in 40 lines: PD on the joints, in lock-step with our plant.
 
     flexarm run pd_collocated --without controller &     # says its ROS_DOMAIN_ID
     ROS_DOMAIN_ID=... python3 examples/minimal_controller.py

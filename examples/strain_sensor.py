@@ -13,7 +13,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A tip sensor of your own: the rigid tip corrected by the links' end deflections, with a bias.
+"""
+A tip sensor of your own: the rigid tip corrected by the links' end deflections, with a bias.
 
     export ROS_DOMAIN_ID=7
     python3 examples/strain_sensor.py &

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A two-link flexible space robot as ROS 2 nodes in lock-step; see README.md.
+"""
+A two-link flexible space robot as ROS 2 nodes in lock-step; see README.md.
 
 For notebooks and scripts, without ROS::
 

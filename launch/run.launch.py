@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fly a scenario: ``ros2 launch flexarm_ros run.launch.py scenario:=fls_tip``.
+"""
+Fly a scenario: ``ros2 launch flexarm_ros run.launch.py scenario:=fls_tip``.
 
 The same nodes as `flexarm run` starts, under launch's supervision instead: in lock-step, recorded
 below ``runs`` in the working directory.  The first node that fails ends the launch.

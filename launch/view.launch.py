@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Show a run that goes on: ``ros2 launch flexarm_ros view.launch.py``.
+"""
+Show a run that goes on: ``ros2 launch flexarm_ros view.launch.py``.
 
 The viewer (markers, URDF, TF, WebSocket server) and RViz, both on simulated time where it matters.
 """

@@ -13,7 +13,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Measure the bag's compressions and chunk lengths; prints the table of docs/bag.md.
+"""
+Measure the bag's compressions and chunk lengths; prints the table of docs/bag.md.
 
     .venv/bin/python scripts/bag_table.py [--scenario fls_tip] [--seconds 16]
 
@@ -76,7 +77,7 @@ def measure(
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--scenario', default='fls_tip')
     parser.add_argument('--seconds', type=float, default=16.0, help='simulated (default 16)')
     args = parser.parse_args()

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Put into a virtual environment what ``pip install -e`` leaves out of it.
+"""
+Put into a virtual environment what ``pip install -e`` leaves out of it.
 
 An editable install skips ``data_files``: the ament index marker, ``share`` and the executables of
 ``ros2 run``.  They are linked here, as ``colcon build --symlink-install`` does, so that an edited

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fly runs back to back and watch for what grows: ``make soak SOAK_MINUTES=30``.
+"""
+Fly runs back to back and watch for what grows: ``make soak SOAK_MINUTES=30``.
 
 One long run comes first (a quarter of the time, ended in good order), then short ones of several
 kinds in turn until the time is up.  Watched are: the bytes of each bag (equal to those of `flexarm
@@ -153,7 +154,7 @@ def long_run(soak: Soak, folder: Path) -> None:
     soak.expect(result.same, "the long run's bag does not verify")
     soak.ticks = int(str(outcome.summary['ticks']))
     for name, samples in soak.nodes.items():
-        settled = samples[int(len(samples) * SETTLED_PART) : -1]
+        settled = after_start(samples)[:-1]
         if len(settled) > 4:
             check_growth(soak, f'{name} in the long run', settled)
     shutil.rmtree(out)
@@ -222,7 +223,8 @@ def soak_for(minutes: float, folder: Path) -> Soak:
         if sample is not None:
             soak.launcher.append(sample)
         print(f'soak: {sum(soak.runs.values())} runs, {sample}', flush=True)
-    settled = soak.launcher[SETTLED_RUNS // len(SHORT) :]
+    warm_up = SETTLED_RUNS // len(SHORT)
+    settled = soak.launcher[warm_up:]
     soak.expect(len(settled) >= 2, 'too short to tell whether the launcher grows')
     if len(settled) >= 2:
         check_growth(soak, 'launcher', settled)
@@ -231,11 +233,17 @@ def soak_for(minutes: float, folder: Path) -> Soak:
     return soak
 
 
+def after_start(samples: list[Sample]) -> list[Sample]:
+    """Return the samples after `SETTLED_PART` of the long run."""
+    first = int(len(samples) * SETTLED_PART)
+    return samples[first:]
+
+
 def figures(soak: Soak) -> dict[str, Any]:
     """Return what a page about reliability wants to know."""
 
     def span(samples: list[Sample]) -> dict[str, Any]:
-        settled = samples[int(len(samples) * SETTLED_PART) :] or samples
+        settled = after_start(samples) or samples
         return {
             what: [getattr(settled[0], what), getattr(settled[-1], what)]
             for what in ('rss_mib', 'threads', 'handles')

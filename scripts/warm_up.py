@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compile the hot loops into their caches, so that the first run starts at once.
+"""
+Compile the hot loops into their caches, so that the first run starts at once.
 
 The laws that plan a motion take nearly a minute to compile; they are left to the first run that
 asks for one.

@@ -40,7 +40,7 @@ hypothesis.settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'fixed'))
 
 @pytest.fixture(scope='session', autouse=True)
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What every test and every process that it starts sees."""
+    """Set what every test and every process that it starts sees."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(MARK, SESSION)
         patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
@@ -99,7 +99,8 @@ def expect_no_leftovers() -> None:
 
 
 def leftovers() -> dict[int, str]:
-    """Return ``{pid: command line}`` of the living processes that carry this session's mark.
+    """
+    Return ``{pid: command line}`` of the living processes that carry this session's mark.
 
     The mark is inherited, so that orphans are found too; pytest itself has it in `os.environ`
     only, which does not show in ``/proc``.

@@ -128,7 +128,7 @@ def faulty_run(
 
 
 def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = '') -> None:
-    """The bag opens and holds, for ``ticks`` ticks, the bytes of an undisturbed run."""
+    """Check that a bag opens and holds, for ``ticks`` ticks, the bytes of an undisturbed run."""
     bag = directory / 'bag'
     if not bag.exists():
         assert ticks == 0
@@ -164,7 +164,7 @@ def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = '') ->
 
 
 def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
-    """What is said names the node, the tick and why; nothing is left behind."""
+    """Check that the node, the tick and why are told, and that nothing is left behind."""
     said = done.problem
     assert said.startswith(f'{role}: tick '), said
     assert '\n' not in said

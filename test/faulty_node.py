@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node that does something bad at a tick: ``faulty_node.py ROLE FAULT TICK --ros-args ...``.
+"""
+A node that does something bad at a tick: ``faulty_node.py ROLE FAULT TICK --ros-args ...``.
 
 FAULT: ``raise`` (an exception in the callback of a tick), ``exit`` (leaves with status 0 as if
 all were well), ``service`` (an exception in the callback of a service, as far as the node
@@ -31,6 +32,8 @@ def faulty(kind: type[Any], role: str, fault: str, tick: int) -> type[Any]:
     from flexarm_ros.nodes.graph import TICK_EVERY
 
     class Faulty(kind):  # type: ignore[misc]
+        """The node with the fault."""
+
         def advance(self, *args: Any) -> bool:
             self._strike()
             return bool(super().advance(*args))

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Two machines for a test: network namespaces with a link between them, good or bad.
+"""
+Two machines for a test: network namespaces with a link between them, good or bad.
 
 A good link is a veth pair.  A bad one is the same pair with ``tc netem``, where the kernel has
 that queue; elsewhere two TAP devices and a thread of the test that carries the frames from one to

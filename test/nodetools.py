@@ -97,7 +97,7 @@ class Asker:
         assert future.done(), name
         return future.result()
 
-    def set(self, node: str, key: str, value: object):
+    def assign(self, node: str, key: str, value: object):
         from rcl_interfaces.srv import SetParameters
         from rclpy.parameter import Parameter
 

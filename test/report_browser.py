@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A headless Chromium driven over its DevTools pipe: what the report's tests look through.
+"""
+A headless Chromium driven over its DevTools pipe: what the report's tests look through.
 
 The protocol is JSON objects ended by a zero byte, on the browser's file descriptors 3 and 4;
 no driver program, no port and no further package is needed.
@@ -126,7 +127,7 @@ class Browser:
         code = 'new Promise((done) => requestAnimationFrame(() => setTimeout(done)))'
         self.call('Runtime.evaluate', expression=code, awaitPromise=True)
 
-    def open(self, page: Path) -> None:
+    def load(self, page: Path) -> None:
         """Load a report and wait until its script has run and its pictures are drawn."""
         self.call('Page.navigate', url=page.resolve().as_uri())
         self.until("document.readyState === 'complete'")

@@ -173,13 +173,14 @@ def altered_scenario(sound: bytes, old: bytes, new: bytes) -> bytes:
     """Replace text in the scenario's attachment and mend its length and checksum."""
     place = sound.index(b'scenario.yaml') - 29
     length = struct.unpack_from('<Q', sound, place + 1)[0]
-    body = sound[place + 9 : place + 9 + length - 4]
+    begin, end = place + 9, place + 9 + length
+    body = sound[begin:end][:-4]
     start = body.index(b'/**:')
     text = body[start:].replace(old, new)
     assert text != body[start:]
     body = body[: start - 8] + struct.pack('<Q', len(text)) + text
     record = struct.pack('<BQ', 9, len(body) + 4) + body + struct.pack('<I', zlib.crc32(body))
-    return sound[:place] + record + sound[place + 9 + length :]
+    return sound[:place] + record + sound[end:]
 
 
 @pytest.mark.parametrize(
@@ -356,7 +357,8 @@ def test_fuzzed_bag(
     place = insert[0] % len(data)
     data[place:place] = insert[1]
     if cut % 3 == 0:
-        del data[cut % len(data) :]
+        end = cut % len(data)
+        del data[end:]
     path = tmp_path_factory.mktemp('fuzz') / 'x.mcap'
     path.write_bytes(bytes(data))
     read_all(path)

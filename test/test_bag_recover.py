@@ -22,6 +22,7 @@ import os
 from pathlib import Path
 import random
 import resource
+import struct
 import subprocess
 import sys
 
@@ -60,9 +61,8 @@ def rescue_bytes(data: bytes, tmp_path: Path, name: str = 'new') -> tuple[Rescue
 
 
 def is_chunk_start(data: bytes, start: int, end: int) -> bool:
-    return data[start] == 0x06 and int.from_bytes(data[start + 1 : start + 9], 'little') == (
-        end - start - 9
-    )
+    opcode, length = struct.unpack_from('<BQ', data, start)
+    return opcode == 0x06 and length == end - start - 9
 
 
 def check_content(bag: Path, expected_ticks: set[int] | None = None) -> set[int]:
@@ -119,7 +119,8 @@ def test_flipped_bytes(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> N
 def test_overwritten_sectors(sound: bytes, fill: bytes, tmp_path: Path) -> None:
     """As after a power cut: 512 bytes in a row are not what was written."""
     for start in range(0, len(sound) - 512, 4096):
-        damaged = sound[:start] + fill * 512 + sound[start + 512 :]
+        end = start + 512
+        damaged = sound[:start] + fill * 512 + sound[end:]
         rescue, bag = rescue_bytes(damaged, tmp_path, f'sector{start}')
         assert rescue.kept > 0
         if rescue.planned:
@@ -143,8 +144,8 @@ def test_front_lost(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None
 
 
 def test_scenario_restored_from_its_copy(sound: bytes, tmp_path: Path) -> None:
-    place = sound.index(b'kp: 150.79')
-    damaged = sound[:place] + b'kp: 150.78' + sound[place + 10 :]
+    assert b'kp: 150.79' in sound
+    damaged = sound.replace(b'kp: 150.79', b'kp: 150.78', 1)
     rescue, bag = rescue_bytes(damaged, tmp_path)
     assert rescue.status == 0
     assert any('copy' in text for text in rescue.damages)

@@ -62,7 +62,7 @@ def changed(topic: int, field: int, data: bytes) -> bytes:
     import numpy as np
 
     numbers = np.array(values)
-    numbers[field : field + 1].view(np.int64)[...] ^= 1
+    numbers.view(np.int64)[field] ^= 1
     return TOPICS[topic].codec.encode(stamp, *numbers)
 
 

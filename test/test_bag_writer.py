@@ -225,7 +225,7 @@ def test_same_bytes_whatever_the_blocks(size: int, bag: Path, tmp_path: Path) ->
     truth = small_messages(CONFIG)
     with BagWriter(tmp_path / 'bag', CONFIG) as writer:
         for first in range(0, TICKS, size):
-            writer.write_block(decode_ticks(TOPICS, first, truth[first : first + size]))
+            writer.write_block(decode_ticks(TOPICS, first, truth[first:][:size]))
     assert (tmp_path / 'bag' / 'bag_0.mcap').read_bytes() == (bag / 'bag_0.mcap').read_bytes()
 
 

@@ -72,7 +72,7 @@ def table(directory: Path) -> list[dict[str, str]]:
 
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sweep as one worker computes it, in a directory ``out`` of its own."""
+    """Run the sweep as one worker computes it, in a directory ``out`` of its own."""
     directory = tmp_path_factory.mktemp('sweep')
     (directory / 'small.yaml').write_text(SWEEP)
     out = directory / 'out'

@@ -85,7 +85,7 @@ def test_latency_beyond_the_history_is_refused() -> None:
 
 
 def transfer(tau: float) -> tuple[list[float], list[float]]:
-    """The approximation as the books print it, highest power first."""
+    """Return the approximation as the books print it, highest power first."""
     return [tau**2 / 12, -tau / 2, 1.0], [tau**2 / 12, tau / 2, 1.0]
 
 

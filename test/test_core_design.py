@@ -37,7 +37,7 @@ ARM = make_arm(PLANT, 9.0)
 
 
 def state_at(seed: int) -> np.ndarray:
-    """A bent, moving arm."""
+    """Return a bent, moving arm."""
     draw = np.random.default_rng(seed)
     state = np.concatenate([draw.uniform(-0.05, 0.05, N), draw.uniform(-0.3, 0.3, N)])
     state[:2] = draw.uniform(0.3, 2.0, 2)
@@ -80,11 +80,11 @@ def test_discretising_is_the_matrix_exponential() -> None:
     model.linearise(ARM, state_at(1), 0.0, 0.0, rows)
     model.discretise(rows, PERIOD, ad, bd)
     whole = np.zeros((2 * N + 2, 2 * N + 2))
-    whole[:N, N : 2 * N] = np.eye(N)
-    whole[N : 2 * N, :] = rows
+    whole[:N, N:-2] = np.eye(N)
+    whole[N:-2, :] = rows
     exact = expm(PERIOD * whole)
-    assert ad == pytest.approx(exact[: 2 * N, : 2 * N], rel=1e-9, abs=1e-9)
-    assert bd == pytest.approx(exact[: 2 * N, 2 * N :], rel=1e-9, abs=1e-12)
+    assert ad == pytest.approx(exact[:-2, :-2], rel=1e-9, abs=1e-9)
+    assert bd == pytest.approx(exact[:-2, -2:], rel=1e-9, abs=1e-12)
 
 
 def test_parameters_act_as_a_plant_with_them_does() -> None:
@@ -119,11 +119,11 @@ def test_the_regulator_at_rest_is_the_riccati_recursion() -> None:
     model.point_jacobian(ARM.tip, motion.state[0, :N], jacobian)
     spacing, size = 0.02, 2 * N + 4
     a, b, q = np.zeros((size, size)), np.zeros((size, 2)), np.zeros((size, size))
-    a[: 2 * N + 2, : 2 * N + 2], b[: 2 * N + 2] = small, drive
-    a[2 * N + 2 :, :N], a[2 * N + 2 :, 2 * N + 2 :] = spacing * jacobian, np.eye(2)
+    a[:-2, :-2], b[:-2] = small, drive
+    a[-2:, :N], a[-2:, -2:] = spacing * jacobian, np.eye(2)
     q[:N, :N] = 1e3 * jacobian.T @ jacobian
-    q[2 * N : 2 * N + 2, 2 * N : 2 * N + 2] = 1e-4 * np.eye(2)
-    q[2 * N + 2 :, 2 * N + 2 :] = 3e3 * np.eye(2)
+    q[-4:-2, -4:-2] = 1e-4 * np.eye(2)
+    q[-2:, -2:] = 3e3 * np.eye(2)
     r = spacing * 1e-5 * np.eye(2)
     p = np.zeros((size, size))
     for _ in range(1000):

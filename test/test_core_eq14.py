@@ -67,6 +67,7 @@ def shape(length: float, x: float, count: int, order: int) -> np.ndarray:
 def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndarray, np.ndarray]:
     """M and K at zero deformation by Gauss quadrature of the point velocities."""
     n, size = plant.modes, 2 + 2 * plant.modes
+    half = 2 + n
     (l1, l2), (rho1, rho2), (ei1, ei2) = plant.length, plant.mass_density, plant.flexural_rigidity
     nodes, weights = np.polynomial.legendre.leggauss(40)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
@@ -75,17 +76,17 @@ def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndar
 
     def on_link1(x: float) -> np.ndarray:
         row = np.zeros(size)
-        row[0], row[2 : 2 + n] = x, shape(l1, x, n, 0)
+        row[0], row[2:half] = x, shape(l1, x, n, 0)
         return np.outer(normal1, row)
 
     turn1 = np.zeros(size)
-    turn1[0], turn1[2 : 2 + n] = 1.0, shape(l1, l1, n, 1)
+    turn1[0], turn1[2:half] = 1.0, shape(l1, l1, n, 1)
     turn2 = turn1.copy()
     turn2[1] = 1.0
 
     def on_link2(x: float) -> np.ndarray:
         row = x * turn2
-        row[2 + n :] += shape(l2, x, n, 0)
+        row[half:] += shape(l2, x, n, 0)
         return on_link1(l1) + np.outer(normal2, row)
 
     for node, weight in zip(nodes, weights, strict=True):
@@ -93,12 +94,12 @@ def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndar
         j1, j2 = on_link1(x1), on_link2(x2)
         mass += 0.5 * weight * (l1 * rho1 * j1.T @ j1 + l2 * rho2 * j2.T @ j2)
         bend1, bend2 = np.zeros(size), np.zeros(size)
-        bend1[2 : 2 + n], bend2[2 + n :] = shape(l1, x1, n, 2), shape(l2, x2, n, 2)
+        bend1[2:half], bend2[half:] = shape(l1, x1, n, 2), shape(l2, x2, n, 2)
         stiffness += 0.5 * weight * l1 * ei1 * np.outer(bend1, bend1)
         stiffness += 0.5 * weight * l2 * ei2 * np.outer(bend2, bend2)
     end1, end2 = on_link1(l1), on_link2(l2)
     tip_turn = turn2.copy()
-    tip_turn[2 + n :] = shape(l2, l2, n, 1)
+    tip_turn[half:] = shape(l2, l2, n, 1)
     mass += plant.link_end_mass * end1.T @ end1 + plant.payload_mass * end2.T @ end2
     mass += plant.link_end_inertia * np.outer(turn1, turn1)
     mass += plant.payload_inertia * np.outer(tip_turn, tip_turn)
@@ -133,7 +134,8 @@ def frequencies(plant: PlantParameters, locked: tuple[int, ...]) -> np.ndarray:
     keep = [i for i in range(2 + 2 * plant.modes) if i not in locked]
     mass = matrices.mass_at(0.0)[np.ix_(keep, keep)]
     squares = eigh(np.diag(matrices.stiffness[keep]), mass, eigvals_only=True)
-    return np.sqrt(np.maximum(squares[2 - len(locked) :], 0.0))
+    free = 2 - len(locked)
+    return np.sqrt(np.maximum(squares[free:], 0.0))
 
 
 # shared reference: the straight arm without hubs, exact

@@ -64,7 +64,7 @@ class Points:
         base, angle = np.zeros(2), 0.0
         for link, (s, phi, short, slope) in enumerate(self.shapes):
             angle += q[link]
-            a = q[2 + link * n : 2 + (link + 1) * n]
+            a = q[2:].reshape(2, n)[link]
             along = s - 0.5 * np.einsum('i,qij,j->q', a, short, a)
             across = a @ phi
             axis = np.array([math.cos(angle), math.sin(angle)])
@@ -83,13 +83,13 @@ class Points:
         return np.concatenate(parts)
 
     def turning(self) -> list[tuple[float, np.ndarray]]:
-        """What turns: inertia, and its rate as a row over q' (constant rows, all of them)."""
+        """Return what turns: inertia, and its rate as a row over q' (all of them constant)."""
         n, plant = self.plant.modes, self.plant
-        size = 2 + 2 * n
+        half, size = 2 + n, 2 + 2 * n
         first, second = np.zeros(size), np.zeros(size)
-        first[0], first[2 : 2 + n] = 1.0, self.shapes[0][3]
+        first[0], first[2:half] = 1.0, self.shapes[0][3]
         second[:] = first
-        second[1], second[2 + n :] = 1.0, self.shapes[1][3]
+        second[1], second[half:] = 1.0, self.shapes[1][3]
         return [
             (plant.hub_inertia[0], np.eye(size)[0]),
             (plant.hub_inertia[1], np.eye(size)[1]),
@@ -98,7 +98,7 @@ class Points:
         ]
 
     def jacobian(self, q: np.ndarray, h: float = 1e-5) -> np.ndarray:
-        """d places / d q, ``(points, 2, n)``, by central differences of fourth order."""
+        """Return d places / d q, ``(points, 2, n)``, by central differences of fourth order."""
         columns = []
         for unit in np.eye(len(q)):
             one = self.places(q + h * unit) - self.places(q - h * unit)
@@ -118,7 +118,7 @@ def state(plant: PlantParameters, seed: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize('basis', ['arm_modes', 'craig_bampton', 'clamped_free'])
 @pytest.mark.parametrize('loaded', [False, True])
 def test_mass_matrix_and_bias_are_those_of_the_moving_points(basis: str, loaded: bool) -> None:
-    """sum m J' (J q'' + J' q') = tau - K q for points that move as the map says, at any state."""
+    """For points that move as the map says: sum m J' (J q'' + J' q') = tau - K q."""
     plant = replace(LOADED if loaded else full_plant(modes=2), basis=basis)
     points, n = Points(plant), plant.modes
     q, qd = state(plant, 3)

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every command and every Python snippet of README and docs is run as it stands there.
+"""
+Every command and every Python snippet of README and docs is run as it stands there.
 
 A page's ``sh`` blocks run in one shell, in order, in a directory that looks like the source tree;
 its ``python`` blocks then run as one script.  ``<!-- page: quick -->`` puts a page into the

@@ -57,7 +57,7 @@ def start_all(
 
 
 def check_same(tmp_path: Path, file: Path) -> None:
-    """The run's files are those of a simulation."""
+    """Check that the run's files are those of a simulation."""
     done = flexarm('simulate', file, '--no-pictures', '--out', tmp_path / 'sim')
     assert done.returncode == 0, done.stderr
     for name in ('bag/bag_0.mcap', 'trajectory.csv'):

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rubbish on every wire of every node: the physics never sees it, and nothing falls over.
+"""
+Rubbish on every wire of every node: the physics never sees it, and nothing falls over.
 
 Each example publishes some hostile messages, from the publisher that the node listens to and from
 a stranger's, and then the right message of the next tick: the node must answer with the bytes that
@@ -51,7 +52,7 @@ DOUBLES = (math.nan, math.inf, -math.inf, -math.nan)
 
 
 def wrong_stamp(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
-    """The right values with a stamp of the past, the future, or no time at all."""
+    """Return the right values with a stamp of the past, the future, or no time at all."""
     stamp, values = topic.codec.decode(peers.right(topic, tick))
     ahead = [peers.timeline.period_ns, 10**9, 10**18]
     behind = [-1, -peers.timeline.period_ns, -stamp, -2 * stamp]
@@ -61,7 +62,7 @@ def wrong_stamp(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> b
 
 
 def not_finite(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
-    """One value that is no number."""
+    """Make one value no number."""
     stamp, values = topic.codec.decode(peers.right(topic, tick))
     changed = list(values)
     if not changed:
@@ -71,7 +72,7 @@ def not_finite(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> by
 
 
 def old_or_future(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
-    """The message of another tick, or the last one again."""
+    """Return the message of another tick, or the last one again."""
     if topic.node in ('encoder', 'tip_sensor'):
         return peers.right(topic, min(TICKS - 1, tick + 40 + dice.randrange(100)))
     other = [t for t in (0, tick - 1, tick + 1, tick + 100) if t != tick and 0 <= t < TICKS]
@@ -79,18 +80,18 @@ def old_or_future(peers: Peers, topic: Topic, tick: int, dice: random.Random) ->
 
 
 def cut(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
-    """A message that breaks off; one byte at least, since Fast DDS cannot deliver none."""
+    """Break a message off; one byte at least, since Fast DDS cannot deliver none."""
     data = peers.right(topic, tick)
     return data[: dice.randrange(1, 12 if topic.name == '/clock' else len(data) - 20)]
 
 
 def noise(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
-    """Bytes of no message."""
+    """Return bytes of no message."""
     return b'\x00\x01\x00\x00' + dice.randbytes(dice.randrange(1, 8))
 
 
 def lengths(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
-    """A length or count in the message that promises more than there is."""
+    """Let a length or count in the message promise more than there is."""
     data = bytearray(peers.right(topic, tick))
     if topic.name == '/clock':
         return cut(peers, topic, tick, dice)
@@ -99,7 +100,7 @@ def lengths(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes
 
 
 def other_arrays(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
-    """A well-formed message of the type with arrays of other lengths, or other names."""
+    """Give a well-formed message arrays of other lengths, or other names."""
     kind = message_class(topic.type_name)
     if 'JointState' not in topic.type_name:
         return wrong_stamp(peers, topic, tick, dice)
@@ -114,7 +115,7 @@ RUBBISH = (wrong_stamp, not_finite, old_or_future, cut, noise, lengths, other_ar
 
 
 def any_status(dice: random.Random) -> DiagnosticStatus | bytes:
-    """A word of somebody who is no member, or speaks in a member's name."""
+    """Make a word of somebody who is no member, or speaks in a member's name."""
     if dice.random() < 0.3:
         return b'\x00\x01\x00\x00' + dice.randbytes(dice.randrange(1, 60))
     numbers = ('', 'abc', '-1', 'nan', 'inf', '9' * 5000, '0', '3', '1e999')
@@ -245,7 +246,7 @@ def answered_and_ended(fuzz: Fuzz) -> bool:
 
 
 def check_recorded(fuzz: Fuzz, file: Path) -> None:
-    """The bag has what was right, and nothing else."""
+    """Check that the bag has what was right, and nothing else."""
     topics = {topic.path: topic for topic in fuzz.peers.topics}
     count = 0
     with open(file, 'rb') as stream:

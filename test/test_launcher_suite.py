@@ -156,6 +156,8 @@ def test_a_simulation_apart_stops_when_told_and_tells_what_failed(tmp_path: Path
 
 
 class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
     def isatty(self) -> bool:
         return True
 

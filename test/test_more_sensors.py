@@ -58,7 +58,7 @@ def test_they_are_recorded_and_verified(tmp_path: Path) -> None:
     simulate(config, tmp_path / 'run')
     reader = BagReader(tmp_path / 'run')
     names = [topic.path for topic in reader.topics]
-    assert names[COMMAND + 1 :] == [f'/tip_sensor/odometry_{i}' for i in (1, 2, 3)]
+    assert names[COMMAND:][1:] == [f'/tip_sensor/odometry_{i}' for i in (1, 2, 3)]
     blocks = list(reader.blocks())
     tip, third = (np.concatenate([b.values[i] for b in blocks]) for i in (TIP, COMMAND + 3))
     assert len(tip) == 200

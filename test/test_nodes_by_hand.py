@@ -75,7 +75,7 @@ def test_a_second_plant_is_refused_and_the_run_goes_on(
         (text,) = finish([second])
         assert second.returncode == 1
         assert 'another plant' in text
-        assert Asker(*rclpy_node).set('plant', 'real_time_factor', 0.0).successful
+        assert Asker(*rclpy_node).assign('plant', 'real_time_factor', 0.0).successful
     finally:
         texts = finish(nodes)
     assert [node.returncode for node in nodes] == [0] * len(nodes), texts

@@ -36,7 +36,7 @@ def composed(out: Path, done: list, *words: str) -> threading.Thread:
 
 def hurry(asker: Asker) -> None:
     """Let a run that has been found go on as fast as it can."""
-    assert asker.set('plant', 'real_time_factor', 0.0).successful
+    assert asker.assign('plant', 'real_time_factor', 0.0).successful
 
 
 def test_who_listens_gets_every_message(tmp_path: Path, ros_domain: int, rclpy_node) -> None:

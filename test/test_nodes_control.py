@@ -66,7 +66,7 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
         wait_for(paused, 10, 'the steps are done')
         assert tick() == held + 3
         ask = Asker(node, executor)
-        assert ask.set('controller', 'kp', 80.0).successful
+        assert ask.assign('controller', 'kp', 80.0).successful
         assert ask.get('controller', 'kp') == 80.0
         assert call('reset').success
         assert call('pause', data=False).success

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A controller on its way into a run whose seat is taken: it is refused, however late it hears.
+"""
+A controller on its way into a run whose seat is taken: it is refused, however late it hears.
 
 The controller is in the test's own process and is told what time it is, so that nothing here
 depends on how fast the machine is.

@@ -47,23 +47,23 @@ def test_live_parameters_change_at_a_tick_and_are_on_record(
     run.start()
     try:
         wait_for(lambda: ask.tick() > 20, 60, 'the run has begun')
-        refused = ask.set('controller', 'law', 'pd')
+        refused = ask.assign('controller', 'law', 'pd')
         assert not refused.successful
         assert 'read-only' in refused.reason
-        refused = ask.set('encoder', 'latency', 0.0000000005)
+        refused = ask.assign('encoder', 'latency', 0.0000000005)
         assert not refused.successful
         assert 'nanosecond' in refused.reason
-        refused = ask.set('controller', 'kn', 0.0)
+        refused = ask.assign('controller', 'kn', 0.0)
         assert not refused.successful
         assert 'controller.kn' in refused.reason
         assert ask.get('controller', 'kn') == 5.0
         ask.pause(True)
         held = ask.tick()
         for node, key, value in CHANGES:
-            assert ask.set(node, key, value).successful, key
+            assert ask.assign(node, key, value).successful, key
             assert ask.get(node, key) == value
         ask.pause(False)
-        assert ask.set('plant', 'real_time_factor', 0.0).successful
+        assert ask.assign('plant', 'real_time_factor', 0.0).successful
     finally:
         run.join(120)
     assert done[0].returncode == 0, done[0].stderr

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections import Counter
+import csv
 import json
 from pathlib import Path
 
@@ -34,7 +35,7 @@ TOPICS = {'/clock', '/plant/state', '/joint_states', '/tip_sensor/odometry', '/r
 
 @pytest.fixture(scope='module')
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The same scenario flown in four ways."""
+    """Fly the same scenario in four ways."""
     base = tmp_path_factory.mktemp('runs')
     ways = {'quiet': ['run'], 'loaded': ['run'], 'composed': ['run', '--compose'],
             'simulated': ['simulate']}  # fmt: skip
@@ -76,9 +77,9 @@ def test_mcap_reads_the_torque(runs: dict[str, Path]) -> None:
             list(message.effort)
             for *_, message in reader.iter_decoded_messages(topics=['/joint_command'])
         ]
-    rows = (runs['quiet'] / 'trajectory.csv').read_text().splitlines()
-    first = rows[0].split(',').index('tau1')
-    assert torques == [[float(t) for t in row.split(',')[first : first + 2]] for row in rows[1:]]
+    with (runs['quiet'] / 'trajectory.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert torques == [[float(row['tau1']), float(row['tau2'])] for row in rows]
 
 
 def test_the_summary_says_how_it_went(runs: dict[str, Path]) -> None:

@@ -24,10 +24,7 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip('rclpy')
-
-from flexarm_ros.nodes.run_control import RunControl
-from flexarm_ros.nodes.status import Phase
+run_control = pytest.importorskip('flexarm_ros.nodes.run_control', reason='needs rclpy')
 
 STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
@@ -73,7 +70,7 @@ class Plant:
         self.services: dict[str, Any] = {}
         self.finished, self.tick, self.interrupted = False, 0, 0
         self.timeline = SimpleNamespace(period_ns=1_000_000)
-        self.board = SimpleNamespace(mine=SimpleNamespace(phase=Phase.JOINING))
+        self.board = SimpleNamespace(mine=SimpleNamespace(phase=run_control.Phase.JOINING))
 
     def get_parameter(self, _: str) -> Any:
         return SimpleNamespace(value=0.0)
@@ -84,7 +81,7 @@ class Plant:
     def add_on_set_parameters_callback(self, _: Any) -> None:
         pass
 
-    def loop(self, control: RunControl, stop: threading.Event) -> None:
+    def loop(self, control: run_control.RunControl, stop: threading.Event) -> None:
         while not stop.wait(0.0002):
             if self.interrupted or self.tick >= 100_000:
                 self.finished = True
@@ -93,7 +90,10 @@ class Plant:
             if control.reset_wanted:
                 self.tick = 0
                 control.reset_wanted = False
-            elif phase in (Phase.RUNNING, Phase.PAUSED) and control.may_begin(self.tick):
+            elif phase in (
+                run_control.Phase.RUNNING,
+                run_control.Phase.PAUSED,
+            ) and control.may_begin(self.tick):
                 self.tick += 1
 
 
@@ -105,7 +105,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Plant, Any]]:
     for name, module in (('', package), ('.msg', msg), ('.srv', srv)):
         monkeypatch.setitem(sys.modules, f'simulation_interfaces{name}', module)
     plant, stop = Plant(), threading.Event()
-    control = RunControl(plant)  # type: ignore[arg-type]
+    control = run_control.RunControl(plant)  # type: ignore[arg-type]
     assert control.standard
     thread = threading.Thread(target=plant.loop, args=(control, stop))
 
@@ -145,7 +145,7 @@ def test_services_have_the_standard_names_and_features(simulator: Any) -> None:
 def test_states_are_those_of_the_standard(simulator: Any) -> None:
     plant, call = simulator
     assert state(call) == STOPPED  # before the run
-    plant.board.mine.phase = Phase.RUNNING
+    plant.board.mine.phase = run_control.Phase.RUNNING
     assert state(call) == PLAYING
     assert set_state(call, PLAYING).result == ALREADY
     assert set_state(call, PAUSED).result == OK
@@ -159,7 +159,7 @@ def test_states_are_those_of_the_standard(simulator: Any) -> None:
 
 def test_stopping_is_pausing_and_resetting(simulator: Any) -> None:
     plant, call = simulator
-    plant.board.mine.phase = Phase.RUNNING
+    plant.board.mine.phase = run_control.Phase.RUNNING
     assert set_state(call, PAUSED).result == OK
     assert call('step_simulation', steps=7).result.result == OK
     assert plant.tick >= 7
@@ -176,7 +176,7 @@ def test_stopping_is_pausing_and_resetting(simulator: Any) -> None:
 
 def test_a_step_does_so_many_ticks_and_answers_then(simulator: Any) -> None:
     plant, call = simulator
-    plant.board.mine.phase = Phase.RUNNING
+    plant.board.mine.phase = run_control.Phase.RUNNING
     answer = call('step_simulation', steps=1).result
     assert answer.result == FAILED  # as StepSimulation.srv has it for one that is not paused
     assert 'pause' in answer.error_message
@@ -192,7 +192,7 @@ def test_a_step_does_so_many_ticks_and_answers_then(simulator: Any) -> None:
 )
 def test_state_and_time_are_reset_together(simulator: Any, scope: int, result: int) -> None:
     plant, call = simulator
-    plant.board.mine.phase = Phase.RUNNING
+    plant.board.mine.phase = run_control.Phase.RUNNING
     assert set_state(call, PAUSED).result == OK
     assert call('step_simulation', steps=5).result.result == OK
     answer = call('reset_simulation', scope=scope).result
@@ -205,7 +205,7 @@ def test_reset_without_a_run_and_quitting(simulator: Any) -> None:
     answer = call('reset_simulation', scope=0).result
     assert answer.result == FAILED
     assert 'joining' in answer.error_message
-    plant.board.mine.phase = Phase.RUNNING
+    plant.board.mine.phase = run_control.Phase.RUNNING
     assert set_state(call, QUITTING).result == OK
     for _ in range(10_000):
         if plant.finished:

@@ -121,7 +121,7 @@ def test_browser_and_rviz_see_the_arm_bend(
                 return len(seen) > 5 and len(browser.frames['/arm']) > 5
 
             wait_for(enough, 90, 'frames in the browser and in RViz')
-            assert Asker(node, executor).set('plant', 'real_time_factor', 0.0).successful
+            assert Asker(node, executor).assign('plant', 'real_time_factor', 0.0).successful
         finally:
             run.join(120)
     assert done[0].returncode == 0, done[0].stderr

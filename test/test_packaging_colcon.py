@@ -47,7 +47,7 @@ def workspace(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 
 
 def environment() -> dict[str, str]:
-    """What a shell has before the workspace is sourced: the environment's Python on the path."""
+    """Return what a shell has before the workspace is sourced: the environment's Python first."""
     path = os.pathsep.join([str(COLCON.parent), os.environ['PATH']])
     kept = {k: v for k, v in os.environ.items() if k not in ('PYTHONPATH', 'AMENT_PREFIX_PATH')}
     return {**kept, 'PATH': path, 'PYTHONDONTWRITEBYTECODE': ''}

@@ -62,11 +62,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture
 def page(browser: Browser, pages: dict[str, Path]) -> Iterator[Browser]:
-    """The report of three runs, 1280 pixels wide; whatever goes wrong in it fails the test."""
+    """Open the report of three runs, 1280 pixels wide; whatever goes wrong fails the test."""
     browser.events.clear()
     browser.size(1280, 900)
     browser.media(prefers_color_scheme='light')
-    browser.open(pages['three'])
+    browser.load(pages['three'])
     yield browser
     assert browser.problems() == []
 
@@ -99,7 +99,7 @@ def test_a_page_loads_without_error_or_request(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:
     browser.events.clear()
-    browser.open(pages[name])
+    browser.load(pages[name])
     browser.until("document.querySelectorAll('#series svg .frame').length >= 6")
     browser.frame()
     assert browser.problems() == []
@@ -109,7 +109,7 @@ def test_a_page_loads_without_error_or_request(
 
 
 def test_hostile_texts_are_shown_as_they_are(browser: Browser, pages: dict[str, Path]) -> None:
-    browser.open(pages['evil'])
+    browser.load(pages['evil'])
     assert EVIL in browser.js("document.querySelector('main').textContent")
     assert 'evil<script>' not in browser.js("document.body.innerHTML.replaceAll('&lt;', '[')")
     assert browser.js("document.querySelectorAll('img, main script').length") == 0
@@ -118,7 +118,7 @@ def test_hostile_texts_are_shown_as_they_are(browser: Browser, pages: dict[str, 
 def test_the_policy_stops_a_script_that_would_get_in(
     browser: Browser, pages: dict[str, Path]
 ) -> None:
-    browser.open(pages['three'])
+    browser.load(pages['three'])
     browser.js(
         "(() => { const s = document.createElement('script'); s.textContent = 'window.hacked = 1';"
         "document.body.appendChild(s); const i = document.createElement('img');"
@@ -367,7 +367,7 @@ def test_a_phone_s_width_holds_the_page(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:
     browser.size(360, 740, mobile=True)
-    browser.open(pages[name])
+    browser.load(pages[name])
     browser.until("document.querySelectorAll('#series svg .frame').length >= 6")
     assert browser.js('document.documentElement.scrollWidth') <= 360
     small = browser.js(
@@ -416,7 +416,7 @@ def contrast(first: str, second: str) -> float:
     """Return the contrast ratio of two colours ``#rrggbb``."""
     lights = []
     for color in (first, second):
-        parts = [int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+        parts = [part / 255.0 for part in bytes.fromhex(color[1:])]
         linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
         lights.append(0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2])
     return (max(lights) + 0.05) / (min(lights) + 0.05)

@@ -126,7 +126,7 @@ def test_the_policy_allows_this_script_and_style_only(runs: Path) -> None:
 
 
 def test_hostile_texts_stay_texts(runs: Path, tmp_path: Path) -> None:
-    directory = fly(tmp_path / 'evil<script>alert(1)<' , 'fls_tip', 'duration=0.1')  # fmt: skip
+    directory = fly(tmp_path / 'evil<script>alert(1)<', 'fls_tip', 'duration=0.1')  # fmt: skip
 
     def spoil(summary: dict[str, Any]) -> None:
         summary['name'] = summary['problem'] = EVIL

@@ -150,7 +150,7 @@ def test_a_summary_may_lack_everything(copy: Path, scenario: object) -> None:
 
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run with its bag."""
+    """Record a run with its bag."""
     directory = tmp_path_factory.mktemp('recorded') / 'run'
     simulate(scenario.load('fls_tip', list(SHORT)), directory, 'fls_tip')
     return directory

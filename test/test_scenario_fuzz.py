@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whatever a file holds, its reader answers with one line: no traceback, no hang, no flood.
+"""
+Whatever a file holds, its reader answers with one line: no traceback, no hang, no flood.
 
 By default some thousand inputs; `pytest -m slow` tries tens of thousands.
 """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The paper's ten cases come out as expected, and its claims with the verdicts on record.
+"""
+The paper's ten cases come out as expected, and its claims with the verdicts on record.
 
 The numbers in config/paper.yaml are those of a model written apart from this package.
 """

@@ -48,7 +48,7 @@ def resting(
     encoder: EncoderParameters | None = None,
     period: float = 0.001,
 ) -> RunConfig:
-    """A scenario that holds the tip where the straight-linked arm has it."""
+    """Return a scenario that holds the tip where the straight-linked arm has it."""
     lengths = plant.length
     x, y, _, _ = rigid_point(*lengths, TURN, BEND, 0.0, 0.0)
     return RunConfig(
@@ -109,7 +109,8 @@ def past_depth(config: RunConfig) -> int:
 
 
 def one_tick(loop: ClosedLoop, states: np.ndarray) -> np.ndarray:
-    """The plant's state after the tick that the code makes of states ``(depth + 1, 2 n)``.
+    """
+    Return the plant's state after the tick that the code makes of states ``(depth + 1, 2 n)``.
 
     The last row is the state of this tick, those before it are what the
     sensors saw.
@@ -144,7 +145,7 @@ def differentiated(config: RunConfig, step: float) -> np.ndarray:
 
 
 def predicted(config: RunConfig, integrator: str) -> np.ndarray:
-    """The same from the analysis: its matrix, and what each history state is of past states."""
+    """Return the same from the analysis: its matrix, and what each state is of past states."""
     loop = SampledLoop(config, BEND, integrator, compress=False)
     rotated = linearise(config, BEND, TURN)
     n, depth = len(rotated.mass), past_depth(config)
@@ -160,7 +161,7 @@ def predicted(config: RunConfig, integrator: str) -> np.ndarray:
         seen = np.kron(np.eye(2), point)
     for age in range(1, depth + 1):
         start = 2 * n + 4 * (age - 1)
-        result[:, age] = matrix[: 2 * n, start : start + 4] @ seen
+        result[:, age] = matrix[: 2 * n, start:][:, :4] @ seen
     return result
 
 
@@ -212,7 +213,7 @@ def test_the_pose_s_direction_does_not_matter() -> None:
     here, there = (linear_law(config, arm).d for arm in (a, b))
     for arm, law in ((a, here), (b, there)):
         point = arm.point(config.tip_sensor.location, elastic=True)
-        law[:, :size] += law[:, size + 4 :] @ np.kron(np.eye(2), point)
+        law[:, :size] += law[:, size:][:, 4:] @ np.kron(np.eye(2), point)
     np.testing.assert_allclose(here[:, :size], there[:, :size], atol=1e-9)
 
 
@@ -293,6 +294,8 @@ def test_a_law_with_a_state_of_its_own_takes_part(monkeypatch: pytest.MonkeyPatc
     keep = 0.8
 
     class Lagging(PdLaw):
+        """(20) behind a lag."""
+
         @classmethod
         def linear_form(cls, config: RunConfig, arm: object) -> LinearLaw:
             as_pd = replace(config, controller=replace(config.controller, law='pd'))

@@ -45,7 +45,8 @@ BEND = 0.9
 
 
 def rigid_loops(bend: float = BEND) -> np.ndarray:
-    """The rigid arm's decoupled loops under J^T: mu of s^2 + mu (Kd s + Kp e^-sd) = 0.
+    """
+    Return the rigid arm's decoupled loops under J^T: mu of s^2 + mu (Kd s + Kp e^-sd) = 0.
 
     Kp J^T J and Kd J^T J are diagonal together with the mass matrix.
     """
@@ -62,7 +63,7 @@ def crossing_of_both(mu: float) -> float:
 
 
 def crossing_of_position(mu: float) -> float:
-    """The same with the position delayed and the rate at hand."""
+    """Return the same with the position delayed and the rate at hand."""
     square = 0.5 * (-((mu * KD) ** 2) + math.sqrt((mu * KD) ** 4 + 4.0 * (mu * KP) ** 2))
     w = math.sqrt(square)
     return math.atan2(KD * w, w * w / mu) / w
@@ -209,7 +210,7 @@ def test_the_flown_loop_grows_or_fades_as_its_largest_eigenvalue(name: str) -> N
     loop = ClosedLoop(config)
     n = len(loop.plant.q)
     kick = np.zeros(2 * n)
-    kick[n : n + 2] = 1e-10
+    kick[n:][:2] = 1e-10
     rest = np.zeros(2 * n)
     rest[1] = BEND
     loop.tick()

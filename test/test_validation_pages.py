@@ -72,7 +72,7 @@ def test_a_row_is_what_the_code_makes_today(name: str, wanted: dict[str, str]) -
 
 
 def runs(**changes: float | bool | None) -> dict[str, dict[str, object]]:
-    """The ten cases, all alike but for what is said of ``fls_tip``."""
+    """Return the ten cases, all alike but for what is said of ``fls_tip``."""
     cases = [case.name for case in suite.load('paper').cases]
     made: dict[str, dict[str, object]] = {
         case: {'stable': True, 'unstable_tick': None, 'rms_error': 0.2, 'max_error': 0.9,

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One node against a wire full of rubbish: the test plays every other node of its run.
+"""
+One node against a wire full of rubbish: the test plays every other node of its run.
 
 `Peers` holds the seats of all other roles from one DDS participant, as the player does for the
 controller, and knows from a simulation which bytes belong to each tick.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Write the tables and pictures of docs/validation.md.
+"""
+Write the tables and pictures of docs/validation.md.
 
     make validate                                   # everything: some ten minutes
     .venv/bin/python -m validation                  # the same

@@ -28,7 +28,8 @@ LIMIT = 0.01
 
 
 def elastica(load: float) -> tuple[float, float]:
-    """Return end deflection and shortening, both of the length, of the inextensible rod.
+    """
+    Return end deflection and shortening, both of the length, of the inextensible rod.
 
     ``load``: P L^2 / EI of a dead load across the rod's first direction.  The
     slope angle t(s) has t'' = -load cos t, t(0) = 0, t'(1) = 0: shooting from

@@ -32,7 +32,8 @@ TICKS = 5000
 
 
 def drift(plant: PlantParameters, pulse: float = 0.0) -> tuple[float, float]:
-    """Return the largest relative change of energy and of momentum in 5 s of free motion.
+    """
+    Return the largest relative change of energy and of momentum in 5 s of free motion.
 
     From theta2 = 1.2 rad at rates 1.5 and -0.7 rad/s with straight links;
     ``pulse``: torque on both joints, N m, in the tenth of a second before.
@@ -53,7 +54,8 @@ def drift(plant: PlantParameters, pulse: float = 0.0) -> tuple[float, float]:
 
 
 def balance(plant: PlantParameters, period: float = 1e-3) -> tuple[float, float]:
-    """Return what is missing in the balance of energy and of momentum of a forced motion.
+    """
+    Return what is missing in the balance of energy and of momentum of a forced motion.
 
     Smooth torques on both joints for 3 s.  Torques are held for a tick, so
     that their work is exactly the sum of torque times change of angle.
@@ -76,7 +78,8 @@ def balance(plant: PlantParameters, period: float = 1e-3) -> tuple[float, float]
 
 
 def eq14_history(plant: PlantParameters) -> Array:
-    """Return rows of both relative changes, tick by tick, for ``eq14`` in the same free motion.
+    """
+    Return rows of both relative changes, tick by tick, for ``eq14`` in the same free motion.
 
     With the kinetic energy of its own mass matrix at each elbow angle.
     """

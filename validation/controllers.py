@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The laws that hold the true tip beside the paper's two: the tables of docs/controllers.md.
+"""
+The laws that hold the true tip beside the paper's two: the tables of docs/controllers.md.
 
     python validation/controllers.py                      # all; writes docs/data and the page
     python validation/controllers.py --only lqg adaptive  # these laws; the other rows stay
@@ -91,7 +92,7 @@ class Run:
 
     @property
     def scenario(self) -> str:
-        """The shipped scenario that it starts from."""
+        """Return the shipped scenario that it starts from."""
         return f'{"inverse" if self.law in PAPER else self.law}_{self.pace}'
 
     def config(self) -> RunConfig:
@@ -349,7 +350,7 @@ def replace_table(text: str, name: str, lines: list[str]) -> str:
 
 def main() -> int:
     """Fly what is asked for, and write data and page."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--only', nargs='+', choices=NAMES, metavar='LAW', default=NAMES)
     parser.add_argument('--pace', nargs='+', choices=PACES, default=PACES)
     parser.add_argument('--draws', type=int, default=20, help='Monte Carlo runs a law')

@@ -40,7 +40,8 @@ def through(line: Line, values: Array, period: float = PERIOD) -> Array:
 
 
 def pade_ramp(times: Array) -> Array:
-    """Return the approximation's response to a ramp of slope 1 that starts at 0, closed form.
+    """
+    Return the approximation's response to a ramp of slope 1 that starts at 0, closed form.
 
     The integral of its step response 1 - 4 sqrt(3) exp(-3 r) sin(sqrt(3) r), r = t / latency.
     """
@@ -50,7 +51,8 @@ def pade_ramp(times: Array) -> Array:
 
 
 def step_errors() -> dict[str, float]:
-    """Return the largest error for a rise from 0 to 1 between two ticks.
+    """
+    Return the largest error for a rise from 0 to 1 between two ticks.
 
     Between ticks a signal is linear, so that the step is a ramp that starts at
     0 minus one that starts a tick later.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Exact natural frequencies of the two-link arm by its dynamic stiffness matrix.
+"""
+Exact natural frequencies of the two-link arm by its dynamic stiffness matrix.
 
 Independent of the package: each link is the exact solution of the
 Euler-Bernoulli equation at a frequency, a combination of cos, sin, cosh and
@@ -89,7 +90,8 @@ def beam(length: float, density: float, rigidity: float, omega: float) -> Array:
 
 
 def assembled(chain: Chain, theta2: float, shoulder: bool, elbow: bool, omega: float) -> Array:
-    """Return the dynamic stiffness over the free coordinates.
+    """
+    Return the dynamic stiffness over the free coordinates.
 
     Coordinates: slope at the shoulder, elbow displacement, slope at link 1's
     end, slope at link 2's start, tip displacement, tip slope.  ``shoulder``

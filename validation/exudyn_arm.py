@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The same arm in Exudyn: planar ANCF cable elements, geometrically exact bending.
+"""
+The same arm in Exudyn: planar ANCF cable elements, geometrically exact bending.
 
 Exudyn (PyPI ``exudyn``) is wanted here and in one test only.  Its cables can
 stretch; the arm's links cannot.  For smooth motions the error of that is

@@ -56,7 +56,7 @@ def same_gain(rows: Table, case: str, column: str, gain: float) -> float:
 
 
 def best_lines() -> Lines:
-    """The best K_s of each fuzzy system, the paper's, and the constant gain of the same mean."""
+    """Write the best K_s of each fuzzy system, and the constant gain of the same mean."""
     rows = read('fls', kn='5')
 
     def cells() -> Iterator[tuple[str, ...]]:
@@ -107,7 +107,7 @@ def kn_lines() -> Lines:
 
 
 def gain_lines() -> Lines:
-    """The largest stable gain at rest beside what the FLS can have and has."""
+    """Write the largest stable gain at rest beside what the FLS can have and has."""
     flight = read('fls_flight', case='fls_tip')
     bends = np.array([float(r['theta2']) for r in flight])
     seen = np.array([float(r['gain']) for r in flight])

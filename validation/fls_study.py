@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The FLS against its own parameters, and against (20) with a constant gain.
+"""
+The FLS against its own parameters, and against (20) with a constant gain.
 
 A variant's gain takes the place of K_s lambda in (21); all else is the flown loop's own code.
 """

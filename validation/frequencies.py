@@ -88,7 +88,8 @@ def single_link(basis: str, modes: int) -> dict[str, Array]:
 
 
 def least_misfit(count: int) -> float:
-    """Return the least mean fraction of strain energy that ``count`` functions of one link miss.
+    """
+    Return the least mean fraction of strain energy that ``count`` functions of one link miss.
 
     Of the eight modes of a link by itself, four clamped-free and four
     pinned-free: the part of their Gram matrix in the energy norm beyond its

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Golden files: runs as they were when the physics had been checked.
+"""
+Golden files: runs as they were when the physics had been checked.
 
     .venv/bin/python -m validation.golden          # compare test/golden with runs of today
     .venv/bin/python -m validation.golden --write  # freeze anew

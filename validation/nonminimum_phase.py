@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The nonminimum-phase response: a torque step at the shoulder with the elbow held.
+"""
+The nonminimum-phase response: a torque step at the shoulder with the elbow held.
 
 Everything is linear: the arm about straight links, elbow locked.  The response
 of a point is summed over the arm's modes in closed form, zeros are those of
@@ -77,7 +78,8 @@ def reversal(arm: LinearArm, location: float, step: float = 2e-5) -> Reversal:
 
 
 def squared_zeros(arm: LinearArm, location: float) -> Array:
-    """Return the squares of the transfer function's zeros, 1/s^2, complex.
+    """
+    Return the squares of the transfer function's zeros, 1/s^2, complex.
 
     A negative real square is a pair on the imaginary axis; a positive one a
     pair of real zeros, one of them in the right half plane; a complex one
@@ -111,7 +113,8 @@ def first_real_zero(arm: LinearArm, location: float) -> float:
 
 
 def exact_real_zero(location: float, length: float = 9.0) -> float:
-    """Return the lowest real zero, rad/s, of a uniform pinned-free beam, without any modes.
+    """
+    Return the lowest real zero, rad/s, of a uniform pinned-free beam, without any modes.
 
     At a real s the solutions of the beam's equation are exp(r x) with
     EI r^4 = -rho s^2; a unit moment acts at x = 0, where w = 0, and the other
@@ -151,7 +154,8 @@ def rigid_height(arm: LinearArm, location: float, times: Array) -> Array:
 
 
 def paper_misfit(hub: float, location: float, until: float) -> tuple[float, float]:
-    """Return how far the rigid arm is from the point's height, delayed as in the paper and not.
+    """
+    Return how far the rigid arm is from the point's height, delayed as in the paper and not.
 
     Root mean square over the time until ``until`` s, of that of the point's own height.
     """

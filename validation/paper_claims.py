@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The paper's claims under one changed assumption at a time: the tables of docs/paper.md.
+"""
+The paper's claims under one changed assumption at a time: the tables of docs/paper.md.
 
     python -m validation.paper_claims                # all rows; writes docs/data, docs/paper.md
     python -m validation.paper_claims --only full_3  # one row, printed
@@ -70,7 +71,7 @@ def compute(chosen: list[Variant], workers: int) -> list[Row]:
 
 def main() -> int:
     """Fly, judge, and write or print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--only', nargs='+', metavar='ROW', help='these rows, printed only')
     parser.add_argument('--tables', action='store_true', help='the page from the table, no runs')
     parser.add_argument('--workers', type=int, default=2)

@@ -172,7 +172,8 @@ class Row:
 
 
 def judge(variant: Variant, runs: dict[str, dict[str, Any]]) -> Row:
-    """Hold the claims against ten runs.
+    """
+    Hold the claims against ten runs.
 
     A run that diverged has no metrics to compare but that it did: a claim about it is not known.
     """

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 
 class Goal(NamedTuple):
-    """One line of the summary; ``measured`` and ``limit`` as they are to be printed.
+    """
+    One line of the summary; ``measured`` and ``limit`` as they are to be printed.
 
     ``out_of_reach``: not met, and shown to be impossible; it is reported like
     any other, but does not fail `make validate`.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A link that turns at a steady rate: the stiffening by its own centrifugal tension.
+"""
+A link that turns at a steady rate: the stiffening by its own centrifugal tension.
 
 Published: Wright, Smith, Thresher and Wang, "Vibration modes of centrifugally
 stiffened beams" (J. Appl. Mech. 49, 1982): a uniform cantilever without hub
@@ -52,7 +53,8 @@ def published(speed: float) -> Array:
 
 
 def ritz(speed: float, count: int = 20) -> Array:
-    """Return the same from the textbook energies of a beam under tension, no code of ours.
+    """
+    Return the same from the textbook energies of a beam under tension, no code of ours.
 
     Tension rho W^2 (L^2 - x^2) / 2; ``count`` polynomials.
     """
@@ -75,7 +77,8 @@ def ritz(speed: float, count: int = 20) -> Array:
 
 
 def lead_lag(speed: float, modes: int, foreshortening: bool = True) -> Array:
-    """Return the first three frequencies of link 1 turning at ``speed``, from the plant's terms.
+    """
+    Return the first three frequencies of link 1 turning at ``speed``, from the plant's terms.
 
     Link 2 weighs nothing.  The stiffness is the derivative of the forces on
     the elastic coordinates at a steady rate of theta1; without the
@@ -85,7 +88,7 @@ def lead_lag(speed: float, modes: int, foreshortening: bool = True) -> Array:
         modes=modes, basis='craig_bampton', length=(4.5, 0.01), mass_density=(0.335, 1e-9)
     )
     constants, unit = make_constants(plant), math.sqrt(1676.0 / 0.335) / 4.5**2
-    size, rate = 2 + 2 * modes, speed * unit
+    half, size, rate = 2 + modes, 2 + 2 * modes, speed * unit
     mass = constants.matrices[0, MODAL]
     stiffness = np.diag(constants.vectors[0, STIFFNESS])
     if foreshortening:
@@ -97,7 +100,7 @@ def lead_lag(speed: float, modes: int, foreshortening: bool = True) -> Array:
                 q, force = np.zeros(size), np.zeros(size)
                 q[2 + i] = small
                 mass_and_bias(constants, q, rates, lower, force, work)
-                sides.append(force[2 : 2 + modes])
+                sides.append(force[2:half])
             stiffness[:, i] += (sides[0] - sides[1]) / 2e-4
     else:
         stiffness = stiffness - rate**2 * mass

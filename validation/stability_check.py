@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether the tables of docs/data are what today's code makes: a sample of rows, made anew.
+"""
+Whether the tables of docs/data are what today's code makes: a sample of rows, made anew.
 
     python -m validation.stability_check               # some 150 rows: minutes
     python -m validation.stability_check --every 1 map # all rows of one table
@@ -106,7 +107,7 @@ def differences(task: Task) -> list[str]:
 
 def main() -> int:
     """Make a sample of rows anew and say where they differ."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('tables', nargs='*', metavar='TABLE', help=', '.join(TABLES))
     parser.add_argument('--every', type=int, metavar='N', help='every Nth row of each table')
     args = parser.parse_args()

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tables and pictures of docs/stability.md and docs/fls.md.
+"""
+The tables and pictures of docs/stability.md and docs/fls.md.
 
     python -m validation.stability_map              # everything: some 20 minutes on two cores
     python -m validation.stability_map sweeps       # or one part of it:
@@ -115,7 +116,8 @@ def keep_table(name: str, path: Path) -> None:
     with path.open(newline='', encoding='utf-8') as file:
         given = list(csv.DictReader(file))
     first = list(given[0])
-    swept = first[1 : first.index('outcome')]
+    outcome = first.index('outcome')
+    swept = first[1:outcome]
     rows = []
     for row in given:
         numbers = {key: float(row[key]) if row.get(key) else None for key in KEPT[2:]}
@@ -276,7 +278,7 @@ def growth() -> None:
 
 
 def fls() -> None:
-    """The FLS over K_s, number of functions, rules and K_n, beside a constant gain."""
+    """Sweep the FLS over K_s, number of functions, rules and K_n, beside a constant gain."""
     from validation import fls_study
 
     write('stability_fls', spread(fls_study.row, fls_study.tasks()))
@@ -306,7 +308,7 @@ PARTS: dict[str, Callable[[], None]] = {
 
 def main() -> int:
     """Compute the parts that are asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('parts', nargs='*', choices=[*PARTS, []], metavar='PART',
                         help=', '.join(PARTS))  # fmt: skip
     args = parser.parse_args()

@@ -112,7 +112,7 @@ def effect_lines() -> Lines:
 
 
 def correction_lines() -> Lines:
-    """The same flights without and with the correction."""
+    """Write the same flights without and with the correction."""
     without = {
         (r['scenario'], r[SOURCE], r[PLACE], r[LATENCY]): r
         for r in read('map', **{'tip_sensor.measurand': 'rigid'})
@@ -223,7 +223,7 @@ def model_lines() -> Lines:
 
 
 def laws_lines() -> Lines:
-    """The laws that see the true point, rms / largest error of the tip over place and delay."""
+    """Write the laws that see the true point: rms / largest tip error over place and delay."""
     rows = read('laws')
     head = [f'{1e3 * float(x):g} ms' for x in dict.fromkeys(r[LATENCY] for r in rows)]
 

@@ -13,7 +13,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make this directory's pictures from real runs: ``.venv/bin/python docs/images/make.py``.
+"""
+Make this directory's pictures from real runs: ``.venv/bin/python docs/images/make.py``.
 
 ``report.png`` is a photograph of the report's page; without Chromium it is left as it is.
 """
@@ -52,7 +53,7 @@ def photograph(page: Path, picture: Path, work: Path) -> None:
     browser = Browser(program, work / 'profile')
     try:
         browser.size(1100, 900)
-        browser.open(page)
+        browser.load(page)
         browser.js(
             "(() => { const s = document.getElementById('scrub'); s.value = 8.4;"
             "s.dispatchEvent(new Event('input'));"

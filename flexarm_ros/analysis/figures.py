@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures of runs for papers, PNG and SVG, in the manner of the paper's Figures 5 to 8.
+"""
+Pictures of runs for papers, PNG and SVG, in the manner of the paper's Figures 5 to 8.
 
 Matplotlib is imported when a picture is made, and without pyplot: no display, no state
 left behind.  Equal runs and equal versions give equal files.
@@ -21,6 +22,7 @@ left behind.  Equal runs and equal versions give equal files.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,7 +52,8 @@ if TYPE_CHECKING:
 
 
 def write_figures(run_dirs: Sequence[Path], out: Path) -> list[Path]:
-    """Draw one run, or several over one another, into ``out`` and return the files.
+    """
+    Draw one run, or several over one another, into ``out`` and return the files.
 
     ``paths``, ``corners`` (where the reference switches its direction), ``signals``
     (``signals_LAW_PLACE`` for each group of several) and, where the law is the fuzzy one,
@@ -88,10 +91,11 @@ def path_figure(groups: Sequence[Panel]) -> Figure:
     rows = -(-len(groups) // columns)
     figure = new_figure(5.2 * columns, 4.9 * rows)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axis, group in zip(axes, groups, strict=False):
-        _draw_paths(axis, group)
-    for axis in axes[len(groups) :]:
-        axis.set_visible(False)
+    for axis, group in zip_longest(axes, groups):
+        if group is not None:
+            _draw_paths(axis, group)
+        else:
+            axis.set_visible(False)
     return figure
 
 

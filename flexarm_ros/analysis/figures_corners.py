@@ -43,7 +43,8 @@ BEFORE, AFTER = 0.1, 0.6
 
 
 def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) -> Figure:
-    """Return the transients at the reference's direction switches, zoomed (Figures 6, 8).
+    """
+    Return the transients at the reference's direction switches, zoomed (Figures 6, 8).
 
     A row a group and a column a switch; with ``only``, side by side, one switch a group, counted
     from 0.
@@ -115,7 +116,8 @@ def _corner_frame(group: Panel, time: float) -> tuple[float, float, float, float
 
 
 def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
-    """Add an inset around the furthest points past the corner, where cases differ by millimetres.
+    """
+    Add an inset around the furthest points past the corner, where cases differ by millimetres.
 
     It lies on the base's side of the corner, which the paths leave free.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The paper's own figures, one picture each, where the runs at hand can show them.
+"""
+The paper's own figures, one picture each, where the runs at hand can show them.
 
 Figures 2 and 3 (membership functions) want a fuzzy run; 5 and 7 (paths) and 6 and 8 (the
 transients that the paper zooms into) want, for the tip and for 2.25 m along link 2, at least two

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What all pictures share: colours, line styles, panels, and how a file is written.
+"""
+What all pictures share: colours, line styles, panels, and how a file is written.
 
 The colours are Okabe and Ito's (2008), which people with any of the common colour
 deficiencies tell apart; line styles differ too, so that a grey print can be read.
@@ -116,7 +117,8 @@ class Panel:
 
 
 def panels(runs: Sequence[Run]) -> list[Panel]:
-    """Return the runs grouped as in the paper's Figures 5 and 7.
+    """
+    Return the runs grouped as in the paper's Figures 5 and 7.
 
     A collocated run stands in every panel of its law, as the one that the others are
     compared with.
@@ -164,7 +166,8 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def save(figure: Figure, out: Path, stem: str) -> list[Path]:
-    """Write a figure as PNG and SVG and return both paths.
+    """
+    Write a figure as PNG and SVG and return both paths.
 
     The layout is computed once, for the first file: it is most of the work.
     """

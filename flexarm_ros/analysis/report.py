@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One self-contained HTML page of runs: ``flexarm report``.
+"""
+One self-contained HTML page of runs: ``flexarm report``.
 
 The page holds its style, its script and the runs' rows; it asks nothing of any network, and
 its content security policy forbids that it could.  The pictures are drawn by the page's own
@@ -45,7 +46,8 @@ PAGE = 'report.html'
 
 
 def write_report(run_dirs: Sequence[Path], out: Path) -> Path:
-    """Write the page of the given runs into ``out`` and return its path.
+    """
+    Write the page of the given runs into ``out`` and return its path.
 
     The file appears whole or not at all.  Raises ``RunError`` where a directory is not a run,
     ``OSError`` where the page cannot be written.

@@ -29,7 +29,8 @@ import numpy as np
 
 
 def read_bag(path: Path) -> tuple[Mapping[str, FloatArray], dict[str, Any]]:
-    """Return the columns of ``trajectory.csv`` and the summary that a bag's messages give.
+    """
+    Return the columns of ``trajectory.csv`` and the summary that a bag's messages give.
 
     The complete ticks from the front count.  What a bag does not tell, the wall time and why
     a run ended, is ``None``.  Raises ``BagError`` where ``path`` leads to no bag of a run.

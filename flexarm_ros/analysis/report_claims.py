@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The paper's claims (its section 5) held against the runs at hand.
+"""
+The paper's claims (its section 5) held against the runs at hand.
 
 The claims are those of the shipped suite ``paper``: its words, its reading of "markedly" and
 "little", its comparisons.  Which of the paper's ten cases a run is comes from its resolved
@@ -99,7 +100,8 @@ def _verdict(outcomes: Sequence[Outcome]) -> str:
 
 
 def _cases(runs: Sequence[Run]) -> tuple[dict[Key, Run], tuple[str, ...]]:
-    """Return law, role and place -> run; only runs that are alike in all else count.
+    """
+    Return law, role and place -> run; only runs that are alike in all else count.
 
     Of several kinds the most frequent is taken, of two runs of one case the first.
     """
@@ -154,7 +156,8 @@ def _arm(run: Run) -> str:
 
 
 def _sensor(run: Run) -> str:
-    """Return a text that is equal for sensors with one reading of the paper's delay.
+    """
+    Return a text that is equal for sensors with one reading of the paper's delay.
 
     The delay goes with the distance: of both only their quotient counts, a wave's speed.
     """

@@ -49,7 +49,8 @@ DASHES = {'-': '', '--': '7 4', '-.': '9 3 2 3', ':': '2 3'}
 
 
 def page_data(runs: Sequence[Run]) -> dict[str, Any]:
-    """Return the data of a page as what JSON can hold.
+    """
+    Return the data of a page as what JSON can hold.
 
     ``pool`` holds each different column once (equal references of several runs are one),
     ``runs`` points into it.
@@ -95,7 +96,8 @@ def _lengths(run: Run) -> list[float]:
 
 
 def pack(values: FloatArray) -> tuple[float, float, str]:
-    """Return least value, span and base64 text of 24-bit codes of ``(n,)`` values.
+    """
+    Return least value, span and base64 text of 24-bit codes of ``(n,)`` values.
 
     A value is ``low + code / STEPS * span``, at most half a step (3e-8 of the span) off;
     the code ``STEPS + 1`` stands for not-a-number.
@@ -112,7 +114,8 @@ def pack(values: FloatArray) -> tuple[float, float, str]:
 
 
 def select_rows(run: Run, budget: int) -> NDArray[np.int64]:
-    """Return the rows that a page shows, in order, at most ``budget`` of them.
+    """
+    Return the rows that a page shows, in order, at most ``budget`` of them.
 
     All of them if they fit.  Otherwise time is cut into equal parts, and of each part the
     first row stays and those with the least and the largest value of every column, so that

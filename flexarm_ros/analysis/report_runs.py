@@ -43,7 +43,8 @@ class RunError(Exception):
 
 @dataclass(frozen=True)
 class Run:
-    """One run read from its directory.
+    """
+    One run read from its directory.
 
     ``columns`` maps each name of ``COLUMNS`` to an array of shape ``(rows,)``, not-a-number
     where the file has nothing finite.  ``summary`` is ``summary.json`` as read, ``scenario``
@@ -134,7 +135,8 @@ def number(value: Any) -> float | None:
 
 
 def load_run(path: Path) -> Run:
-    """Return the run in ``path``: its output directory, or the bag or a file in it.
+    """
+    Return the run in ``path``: its output directory, or the bag or a file in it.
 
     Where a directory lacks ``trajectory.csv`` or ``summary.json``, its bag is read.  Raises
     ``RunError`` where ``path`` is not a run, or a file of it cannot be read.
@@ -240,7 +242,8 @@ def law_name(law: str) -> str:
 
 
 def labels(runs: Sequence[Run], short: bool = False) -> list[str]:
-    """Return one text a run, all different: the case, then what else tells equal cases apart.
+    """
+    Return one text a run, all different: the case, then what else tells equal cases apart.
 
     ``short`` leaves out the law and the sensor's place, for pictures that say them elsewhere.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tables of the report page as HTML: metrics, claims, scenario, provenance.
+"""
+Tables of the report page as HTML: metrics, claims, scenario, provenance.
 
 Whatever comes from a file goes through ``escape`` on its way into the page.
 """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where loops stop being stable: by the linear analysis, and by flying them.
+"""
+Where loops stop being stable: by the linear analysis, and by flying them.
 
 A flown boundary is the latency up to which a scenario ends stable, by
 bisection: the run is taken to be stable below it and unstable above.
@@ -57,7 +58,8 @@ def flown_boundary(
     limit_s: float = LIMIT_S,
     stable: Callable[[RunConfig], bool] = ends_stable,
 ) -> float | None:
-    """Return the latency, s, from which on ``stable`` is false; ``None`` up to the limit.
+    """
+    Return the latency, s, from which on ``stable`` is false; ``None`` up to the limit.
 
     0 where it is false without any.
     """
@@ -76,7 +78,8 @@ def flown_boundary(
 
 
 def fades(config: RunConfig) -> bool:
-    """Fly a scenario; whether its joint rates are still small at the end, and falling.
+    """
+    Fly a scenario; whether its joint rates are still small at the end, and falling.
 
     Falling: less in the last third than in the second.  Small: below 100 times
     the first; a motion that grows until it swings through poses where it is
@@ -99,7 +102,8 @@ def fading_boundary(config: RunConfig, pose: Pose, limit_s: float = LIMIT_S) -> 
 
 @dataclass(frozen=True)
 class Linear:
-    """Crossing delays over the poses, s: the smallest with its pose, and the largest.
+    """
+    Crossing delays over the poses, s: the smallest with its pose, and the largest.
 
     ``None``: over the limit.
     """
@@ -129,7 +133,8 @@ def _finite(value: float) -> float | None:
 
 
 def holding(config: RunConfig, pose: Pose, duration: float, kick: float = 0.01) -> RunConfig:
-    """Return the scenario that holds ``pose`` for ``duration`` s, joints kicked by ``kick`` rad/s.
+    """
+    Return the scenario that holds ``pose`` for ``duration`` s, joints kicked by ``kick`` rad/s.
 
     No speed, no bent links: what the linear analysis is about.
     """
@@ -147,7 +152,8 @@ def holding(config: RunConfig, pose: Pose, duration: float, kick: float = 0.01) 
 
 
 def one_side(config: RunConfig, side_time: float) -> RunConfig:
-    """Return the scenario that flies the square's first side in ``side_time`` s.
+    """
+    Return the scenario that flies the square's first side in ``side_time`` s.
 
     A side passes every elbow angle of the square.
     """

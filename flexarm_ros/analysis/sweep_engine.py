@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the runs of a sweep are computed: processes of this machine, or a Dask cluster.
+"""
+Where the runs of a sweep are computed: processes of this machine, or a Dask cluster.
 
 Each run depends on its own scenario only, so the rows are the same whatever computes them,
 and in whatever order they come.
@@ -55,7 +56,7 @@ class EngineError(Exception):
 def chunks(tasks: Sequence[Task], workers: int) -> list[Sequence[Task]]:
     """Return tasks in portions: few messages, but enough portions to share them evenly."""
     size = max(1, min(_LARGEST_CHUNK, len(tasks) // (workers * 8)))
-    return [tasks[i : i + size] for i in range(0, len(tasks), size)]
+    return [tasks[i:][:size] for i in range(0, len(tasks), size)]
 
 
 class LocalPool:
@@ -87,7 +88,8 @@ class LocalPool:
     def _fly(
         self, waiting: list[Sequence[Task]], workers: int, ahead: int, stop: Stop
     ) -> Generator[Row, None, list[Task]]:
-        """Yield rows of ``waiting``, taken from its end, at most ``ahead`` portions at a time.
+        """
+        Yield rows of ``waiting``, taken from its end, at most ``ahead`` portions at a time.
 
         Returns the tasks that a pool had that died; the rest is still in ``waiting``.
         """

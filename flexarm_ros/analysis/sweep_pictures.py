@@ -51,14 +51,15 @@ class _Cells:
 
 
 def write_pictures(sweep: Sweep, table: Table, out: Path) -> list[Path]:
-    """Draw the sweep's map or curve, one picture for each point of the other axes.
+    """
+    Draw the sweep's map or curve, one picture for each point of the other axes.
 
     Unstable runs have no colour; the line is where half of the runs are stable.  Nothing is
     drawn for a sweep without a numeric axis.
     """
     import matplotlib
 
-    plan = sweep.map
+    plan = sweep.plan
     if plan is None or plan.value not in table:
         return []
     others = [name for name in ('scenario', *sweep.axes) if name not in (plan.x, plan.y)]
@@ -79,7 +80,7 @@ def _stem(value: str, sweep: Sweep, key: Sequence[str]) -> str:
 
 
 def _cells(sweep: Sweep, table: Table, fixed: dict[str, str]) -> _Cells:
-    plan = sweep.map
+    plan = sweep.plan
     assert plan is not None
     size = len(table['index'])
     chosen = [i for i in range(size) if all(str(table[k][i]) == v for k, v in fixed.items())]
@@ -110,7 +111,7 @@ def _positions(column: Sequence[Any]) -> list[float]:
 def _map_figure(sweep: Sweep, cells: _Cells) -> Figure:
     from matplotlib.colors import ListedColormap
 
-    plan = sweep.map
+    plan = sweep.plan
     assert plan is not None
     figure = new_figure(6.4, 4.8)
     axis = figure.add_subplot()
@@ -160,7 +161,7 @@ def _edges(centres: Sequence[float]) -> NDArray[np.float64]:
 
 
 def _curve_figure(sweep: Sweep, cells: _Cells) -> Figure:
-    plan = sweep.map
+    plan = sweep.plan
     assert plan is not None
     figure = new_figure(6.4, 4.0)
     axis = figure.add_subplot()

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The directory of a sweep: rows as they come, and the table that is made of them.
+"""
+The directory of a sweep: rows as they come, and the table that is made of them.
 
 ``rows.jsonl`` grows by a line a run, so that a sweep that was cut off goes on where it
 stopped; ``table.csv`` (and ``table.parquet``) is written from it, ordered, and is the same

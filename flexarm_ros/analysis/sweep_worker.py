@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One run of a sweep, in whatever process it lands: metrics only, no files.
+"""
+One run of a sweep, in whatever process it lands: metrics only, no files.
 
 Numpy and the compiled core are imported within the functions, so that a worker can first
 say that its linear algebra shall use one thread.
@@ -45,7 +46,8 @@ class Stopped(Exception):
 
 
 def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
-    """Fly a scenario in this process and return how it ended and its metrics.
+    """
+    Fly a scenario in this process and return how it ended and its metrics.
 
     The numbers are those of ``summary.json`` of ``flexarm simulate``.  Raises Stopped if
     ``stop()``, asked every 512 ticks, says so.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What notebooks and scripts use: runs, pictures, linear models, an environment for learning.
+"""
+What notebooks and scripts use: runs, pictures, linear models, an environment for learning.
 
 The outermost layer beside the command line; ROS is not needed.  Use the names through
 ``import flexarm_ros as fa``; those listed in ``flexarm_ros.__all__`` are stable.

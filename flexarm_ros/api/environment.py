@@ -39,7 +39,8 @@ TORQUE = 1024.0
 
 
 class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
-    """A scenario whose controller is the agent.
+    """
+    A scenario whose controller is the agent.
 
     Observation, shape ``(14,)``, as the nodes would deliver it at this tick, latency and noise
     included: encoder (theta1, theta2, their rates; rad, rad/s), tip sensor (x, y, vx, vy),
@@ -61,6 +62,7 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         N m of an action of 1; left out, ``controller.torque_limit``, or 1024 where that is 0.
     **changes
         Sections and values as for :func:`flexarm_ros.simulate`.
+
     """
 
     metadata: dict[str, Any] = {'render_modes': []}
@@ -80,7 +82,8 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
-        """Start anew; the noise is drawn by ``seed``.
+        """
+        Start anew; the noise is drawn by ``seed``.
 
         ``options`` are sections and values as for :func:`flexarm_ros.simulate` that hold for this
         episode: ``options={"plant": {"payload_mass": 1.5}}``.

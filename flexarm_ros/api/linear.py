@@ -43,7 +43,8 @@ def linearize(
     continuous: bool = False,
     **changes: Any,
 ) -> control.StateSpace:
-    """Return the arm about a pose, with sensors and their delays, as a StateSpace.
+    """
+    Return the arm about a pose, with sensors and their delays, as a StateSpace.
 
     Inputs are the joint torques, N m; outputs are deviations from the pose, at rest with straight
     links.  In discrete time, one step a tick, the model is exact: torques held, the delay as it
@@ -75,6 +76,7 @@ def linearize(
     ------
     ScenarioError, ValueError
         For a bad scenario; for a sensor that has no time-invariant model.
+
     """
     with extra('control'):
         import control
@@ -93,7 +95,8 @@ def linearize(
 def linear_law(
     scenario: Scenario, theta2: float | None = None, theta1: float | None = None, **changes: Any
 ) -> control.StateSpace:
-    """Return the scenario's control law about rest at a pose as a discrete StateSpace.
+    """
+    Return the scenario's control law about rest at a pose as a discrete StateSpace.
 
     Its inputs are the outputs of ``linearize(..., outputs="law")``, its outputs the torques, with
     their sign: ``control.feedback(arm, law, sign=1)`` is the closed loop, whose poles are what
@@ -108,6 +111,7 @@ def linear_law(
     ------
     NoLinearFormError
         A ``ValueError``, for a law that has no linear form, ``open_loop``.
+
     """
     with extra('control'):
         import control

@@ -34,7 +34,8 @@ KINDS = ('paths', 'corners', 'signals', 'fls')
 
 
 def plot(runs: Run | Sequence[Run], kind: str = 'paths') -> Figure:
-    """Draw one run, or several over one another, and return the matplotlib figure.
+    """
+    Draw one run, or several over one another, and return the matplotlib figure.
 
     Parameters
     ----------
@@ -50,6 +51,7 @@ def plot(runs: Run | Sequence[Run], kind: str = 'paths') -> Figure:
     ------
     ValueError
         For an unknown kind, or one that the runs cannot show.
+
     """
     import matplotlib
 
@@ -81,7 +83,8 @@ def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
 
 
 def report(runs: Run | Sequence[Run], path: str | os.PathLike[str]) -> Path:
-    """Write the self-contained HTML page of some runs to ``path`` and return it.
+    """
+    Write the self-contained HTML page of some runs to ``path`` and return it.
 
     The page is that of ``flexarm report``: interactive, and it needs no network.
 
@@ -91,6 +94,7 @@ def report(runs: Run | Sequence[Run], path: str | os.PathLike[str]) -> Path:
         A run or several.
     path
         The file to write; replaced where it exists.
+
     """
     from flexarm_ros.analysis.report import render
     from flexarm_ros.bag.files import write_atomically

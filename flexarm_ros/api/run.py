@@ -79,7 +79,8 @@ def unit_of(column: str) -> str:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Run:
-    """One run.
+    """
+    One run.
 
     Attributes
     ----------
@@ -93,6 +94,7 @@ class Run:
         finite or not known.
     directory
         Where its files are, or None.
+
     """
 
     name: str
@@ -108,7 +110,7 @@ class Run:
 
     @property
     def scenario(self) -> Mapping[str, Mapping[str, Any]]:
-        """The resolved parameters, ``{section: {key: value}}``."""
+        """Return the resolved parameters, ``{section: {key: value}}``."""
         scenario: Mapping[str, Mapping[str, Any]] = self.summary['scenario']
         return scenario
 
@@ -167,7 +169,8 @@ class Run:
 
 
 def load(path: str | os.PathLike[str]) -> Run:
-    """Read a run back from its output directory or its bag.
+    """
+    Read a run back from its output directory or its bag.
 
     Parameters
     ----------
@@ -178,6 +181,7 @@ def load(path: str | os.PathLike[str]) -> Run:
     ------
     RunError
         Where ``path`` is not a run, or cannot be read.
+
     """
     from flexarm_ros.analysis.report_runs import load_run
 

@@ -55,7 +55,8 @@ def configure(
     seed: int | None = None,
     torques: ArrayLike | None = None,
 ) -> RunConfig:
-    """Return a scenario, whole and checked, with some of its parameters set anew.
+    """
+    Return a scenario, whole and checked, with some of its parameters set anew.
 
     Parameters
     ----------
@@ -75,6 +76,7 @@ def configure(
     ------
     ScenarioError
         One line that names the key, the value and what is allowed.
+
     """
     own = {**(run or {})}
     own.update({k: v for k, v in (('duration', duration), ('seed', seed)) if v is not None})
@@ -110,7 +112,8 @@ def simulate(
     torques: ArrayLike | None = None,
     out: str | os.PathLike[str] | None = None,
 ) -> Run:
-    """Fly a scenario in this process, without ROS, and return the run.
+    """
+    Fly a scenario in this process, without ROS, and return the run.
 
     The numbers are those of ``flexarm run`` and ``flexarm simulate``, bit for bit.  A run that
     becomes unstable is returned too: ``run.stable`` is False.
@@ -129,6 +132,7 @@ def simulate(
         For a bad scenario or value, before anything is flown or written.
     BagError
         Where ``out`` exists already or cannot be written.
+
     """
     config = configure(
         scenario, run=run, plant=plant, encoder=encoder, tip_sensor=tip_sensor,

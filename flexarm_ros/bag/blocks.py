@@ -25,7 +25,8 @@ from flexarm_ros.bag.topics import Topic
 
 @dataclass(frozen=True)
 class Block:
-    """Whole ticks ``first``, ``first + 1``, ... of a run.
+    """
+    Whole ticks ``first``, ``first + 1``, ... of a run.
 
     Of each topic, in canonical order: ``stamps``, shape ``(n,)``, ns, and
     ``values``, shape ``(n, fields)``, columns as in ``topic.codec.fields``.
@@ -40,7 +41,8 @@ class Block:
 
 
 def decode_ticks(topics: Sequence[Topic], first: int, ticks: Sequence[Sequence[bytes]]) -> Block:
-    """Decode whole ticks, each with the messages of ``topics`` in order.
+    """
+    Decode whole ticks, each with the messages of ``topics`` in order.
 
     Raises ValueError where a message cannot be decoded.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fixed-layout CDR codecs of the messages of a run.
+"""
+Fixed-layout CDR codecs of the messages of a run.
 
 Every message of a run has the same names, frames and array lengths at every
 tick, so its CDR image differs only in the stamp and in a few float64 runs.  A
@@ -46,6 +47,7 @@ HEADER = b'\x00\x01\x00\x00'
 _NS = 1_000_000_000
 _STAMP = struct.Struct('<iI')
 _STAMP_OFFSET = 4
+_STAMP_END = 12
 
 
 class _Image:
@@ -78,7 +80,7 @@ class _Image:
         self.fixed += bytes(_STAMP.size)
 
     def slots(self, count: int) -> None:
-        """A run of ``count`` float64 (aligned by the first of them)."""
+        """Add a run of ``count`` float64 (aligned by the first of them)."""
         if count:
             self.align(8)
             self.runs.append((len(self.data), count))
@@ -86,13 +88,14 @@ class _Image:
             self.fixed += bytes(8 * count)
 
     def sequence(self, count: int) -> None:
-        """A ``float64[]`` of ``count`` values; an empty one has only its length."""
+        """Add a ``float64[]`` of ``count`` values; an empty one has only its length."""
         self.constant('I', count)
         self.slots(count)
 
 
 class Codec:
-    """One message type with one fixed layout.
+    """
+    One message type with one fixed layout.
 
     ``type_name`` is the ROS 2 type, ``fields`` names the values in order
     (``position.shoulder``, ``pose.position.x``, ...), ``size`` is the length
@@ -138,7 +141,8 @@ class Codec:
         return sec * _NS + nanosec, values
 
     def decode_any(self, data: bytes) -> tuple[int, tuple[float, ...]]:
-        """As :meth:`decode`, but any valid layout that holds the fields will do.
+        """
+        As :meth:`decode`, but any valid layout that holds the fields will do.
 
         Slower (tens of microseconds) for what :meth:`decode` refuses: big
         endian, another order of names, further joints, other frames.  Raises
@@ -152,7 +156,8 @@ class Codec:
             return foreign.values(self.type_name, data, self.fields)
 
     def encode_block(self, stamps: IntArray, values: FloatArray) -> ByteArray:
-        """Encode many messages: stamps ``(n,)``, ns, values ``(n, fields)``.
+        """
+        Encode many messages: stamps ``(n,)``, ns, values ``(n, fields)``.
 
         Returns the messages as rows, shape ``(n, size)``, the same bytes as
         :meth:`encode` gives one by one.
@@ -161,14 +166,15 @@ class Codec:
         pair = np.empty((len(stamps), 2), '<u4')
         pair[:, 0] = stamps // _NS
         pair[:, 1] = stamps % _NS
-        rows[:, _STAMP_OFFSET : _STAMP_OFFSET + 8] = pair.view(np.uint8)
+        rows[:, _STAMP_OFFSET:_STAMP_END] = pair.view(np.uint8)
         for offset, _, start, end in self._packs:
             run = np.ascontiguousarray(values[:, start:end], '<f8')
-            rows[:, offset : offset + 8 * (end - start)] = run.view(np.uint8)
+            rows[:, offset:][:, : 8 * (end - start)] = run.view(np.uint8)
         return rows
 
     def decode_block(self, messages: Sequence[bytes]) -> tuple[IntArray, FloatArray]:
-        """Decode many messages.
+        """
+        Decode many messages.
 
         Returns stamps, shape ``(n,)``, ns, and values, shape ``(n, fields)``.
         Messages of another layout go through :meth:`decode_any` one by one.
@@ -183,11 +189,11 @@ class Codec:
         for start, end, expected in self._constants:
             good &= (rows[:, start:end] == np.frombuffer(expected, np.uint8)).all(axis=1)
         rows, index = rows[good], np.asarray(same, np.int64)[good]
-        pair = np.ascontiguousarray(rows[:, _STAMP_OFFSET : _STAMP_OFFSET + 8])
+        pair = np.ascontiguousarray(rows[:, _STAMP_OFFSET:_STAMP_END])
         stamps[index] = pair[:, :4].copy().view('<i4')[:, 0].astype(np.int64) * _NS
         stamps[index] += pair[:, 4:].copy().view('<u4')[:, 0]
         for offset, _, start, end in self._packs:
-            run = np.ascontiguousarray(rows[:, offset : offset + 8 * (end - start)])
+            run = np.ascontiguousarray(rows[:, offset:][:, : 8 * (end - start)])
             values[index, start:end] = run.view('<f8')
         fast = np.zeros(count, bool)
         fast[index] = True
@@ -203,7 +209,8 @@ def _spans(fixed: bytearray) -> list[tuple[int, int]]:
 
 
 class JointStateCodec(Codec):
-    """``sensor_msgs/msg/JointState`` with these names and this frame.
+    """
+    ``sensor_msgs/msg/JointState`` with these names and this frame.
 
     Values: the arrays named in ``fields`` (of ``position``, ``velocity``,
     ``effort``), one after the other, each as long as ``names``; the other
@@ -231,7 +238,8 @@ class JointStateCodec(Codec):
 
 
 class OdometryCodec(Codec):
-    """``nav_msgs/msg/Odometry`` of a point in the plane.
+    """
+    ``nav_msgs/msg/Odometry`` of a point in the plane.
 
     Values: x, y (m), vx, vy (m/s).  Orientation is the identity.  The
     covariance of position has ``position_variance`` (m^2) for x and y, all

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Live parameters in a bag: one ``rcl_interfaces/ParameterEvent`` for each change.
+"""
+Live parameters in a bag: one ``rcl_interfaces/ParameterEvent`` for each change.
 
 The topic is in a bag only where a parameter was set while the run went on, so
 that the bytes of all other runs do not depend on it.  Log time and stamp are
@@ -73,7 +74,8 @@ def decode(data: bytes, period_ns: int) -> Change:
 
 
 def checked(change: Change) -> Change:
-    """Return ``change``; ValueError where it names no live parameter or its value is not allowed.
+    """
+    Return ``change``; ValueError where it names no live parameter or its value is not allowed.
 
     What came over the network or from a file is checked as a scenario is.
     """

@@ -34,7 +34,8 @@ STAMP = 'stamp_ns'
 
 @dataclass
 class FieldDifference:
-    """How far one field of one topic is apart in the two runs.
+    """
+    How far one field of one topic is apart in the two runs.
 
     ``largest`` and ``rms`` are of |A - B| (equal infinities and two NaN
     count as equal, NaN against a number as infinite), ``at_ns`` the time since
@@ -59,7 +60,8 @@ class FieldDifference:
 
 @dataclass
 class Comparison:
-    """What came of a comparison.
+    """
+    What came of a comparison.
 
     ``fields`` in order of topics; ``only_a`` and ``only_b`` count messages of
     each topic at times that the other run does not have; ``parameters`` tells
@@ -126,7 +128,8 @@ def compare(
     absolute: float = 0.0,
     relative: float = 0.0,
 ) -> Comparison:
-    """Compare the messages of two runs at equal times since the start.
+    """
+    Compare the messages of two runs at equal times since the start.
 
     A field is beyond tolerance where |A - B| > absolute + relative |B|.
     Fields of the same name are compared, in topics that both have; stamps in

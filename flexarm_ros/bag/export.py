@@ -62,7 +62,8 @@ def table_columns(topic: Topic) -> tuple[str, ...]:
 def export(
     run: str | os.PathLike[str], directory: str | os.PathLike[str], file_format: str
 ) -> Exported:
-    """Write the tables of RUN into a new directory.
+    """
+    Write the tables of RUN into a new directory.
 
     Each topic has a file with the columns tick, stamp_ns (the message's own
     stamp) and its fields; ``trajectory`` has the columns of ``trajectory.csv``

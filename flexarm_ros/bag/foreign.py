@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Decoding of valid messages in layouts other than ours.
+"""
+Decoding of valid messages in layouts other than ours.
 
 A user's own controller may fill ``JointState.name`` in another order, add
 joints, or run on a big-endian machine.  The ``rosbags`` type store reads any
@@ -42,7 +43,8 @@ def typestore() -> Typestore:
 
 
 def message(type_name: str, data: bytes) -> Any:
-    """Return ``data`` as a message object of the type store; ValueError if it is none.
+    """
+    Return ``data`` as a message object of the type store; ValueError if it is none.
 
     Some serializers append a few bytes behind the message; they are ignored.
     """

@@ -68,7 +68,8 @@ def front_matter(config: RunConfig, provenance: Provenance) -> dict[str, Mapping
 
 
 def attachments(config: RunConfig, provenance: Provenance) -> list[tuple[str, str, str]]:
-    """Return ``(name, media type, text)`` of scenario, provenance and, if any, torque rows.
+    """
+    Return ``(name, media type, text)`` of scenario, provenance and, if any, torque rows.
 
     Attachments have checksums of their own; it is from them that a bag is read.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writing of an MCAP file, chunk by chunk.
+"""
+Writing of an MCAP file, chunk by chunk.
 
 The records come from the ``mcap`` library.  Only the messages of a chunk are
 laid out here: the library's writer takes 43 us a tick of six messages, this
@@ -86,7 +87,8 @@ COMPRESSORS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
 
 
 class McapFile:
-    """A new MCAP file of profile ``ros2``; BagError where it cannot be written.
+    """
+    A new MCAP file of profile ``ros2``; BagError where it cannot be written.
 
     Give schemas and channels first (others between chunks), then attachments and metadata,
     then chunks, then call `finish`.  What a call has written is with the operating system
@@ -123,7 +125,8 @@ class McapFile:
         view = memoryview(data)
         try:
             while view:
-                view = view[self._file.write(view) :]
+                written = self._file.write(view)
+                view = view[written:]
         except OSError as error:
             raise BagError(f'{self.path}: cannot be written: {error.strerror}') from None
         self._position += len(data)
@@ -180,7 +183,8 @@ class McapFile:
     def add_chunk(
         self, data: bytes, channels: Sequence[int], times: Sequence[int], lengths: Sequence[int]
     ) -> None:
-        """Add a chunk of message records.
+        """
+        Add a chunk of message records.
 
         Of each record its channel, its log time and its length in
         bytes, opcode and length field included.

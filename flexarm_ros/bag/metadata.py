@@ -91,7 +91,8 @@ def qos_text(qos: Qos) -> str:
 
 @cache
 def definition(type_name: str) -> tuple[str, str]:
-    """Return a type's ``ros2msg`` text with all nested definitions, and its RIHS01 hash.
+    """
+    Return a type's ``ros2msg`` text with all nested definitions, and its RIHS01 hash.
 
     Always from the ``rosbags`` type store, so that a bag has the same bytes
     whether ROS is there or not.
@@ -147,7 +148,8 @@ def bag_information(
 
 
 def read_counts(path: Path) -> dict[str, int] | None:
-    """Return the messages of each topic that a ``metadata.yaml`` counts, None without a file.
+    """
+    Return the messages of each topic that a ``metadata.yaml`` counts, None without a file.
 
     Raises BagContentError where it cannot be read or is not of that form.
     """

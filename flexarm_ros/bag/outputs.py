@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The files beside a bag: ``trajectory.csv`` and ``summary.json``.
+"""
+The files beside a bag: ``trajectory.csv`` and ``summary.json``.
 
 Both are made from the recorded messages, by the same code for a run of nodes
 and for a simulation in one process, so that the two agree byte for byte.
@@ -56,7 +57,7 @@ def block_rows(rows: Rows, block: Block) -> Iterable[Row]:
     state = block.values[STATE]
     count = state.shape[1] // 2
     coordinates = count - 2
-    positions, rates = state[:, :coordinates], state[:, count : count + coordinates]
+    positions, rates = state[:, :coordinates], state[:, count:-2]
     ends = state[:, coordinates:count].tolist()
     measured = block.values[TIP][:, :2].tolist()
     torques = block.values[COMMAND].tolist()
@@ -74,7 +75,8 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
 def write_trajectory(
     directory: Path, config: RunConfig, blocks: Iterable[Block]
 ) -> dict[str, Any]:
-    """Write ``trajectory.csv`` and return the metrics of the run.
+    """
+    Write ``trajectory.csv`` and return the metrics of the run.
 
     The file appears whole or not at all.  Numbers have the shortest text that
     reads back exactly; ``nan`` stands where there is none.
@@ -105,7 +107,8 @@ def summary_of(
     unstable: tuple[int, str] | None = None,
     problem: str = '',
 ) -> dict[str, Any]:
-    """Return what ``summary.json`` says of a run that has ended.
+    """
+    Return what ``summary.json`` says of a run that has ended.
 
     ``unstable`` is the tick and the text of the state that ended the run.
     """

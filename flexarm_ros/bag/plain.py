@@ -29,7 +29,8 @@ from flexarm_ros.bag.writer import FILE_NAME
 
 
 class PlainWriter:
-    """Writes messages as they are, under the channels and schemas of ``front``.
+    """
+    Writes messages as they are, under the channels and schemas of ``front``.
 
     Raises BagError where ``directory`` exists or cannot be written.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a bag comes from: versions of what computes its numbers, and the source's commit.
+"""
+Where a bag comes from: versions of what computes its numbers, and the source's commit.
 
 Nothing here depends on the host, the user, the wall clock or on whether ROS
 can be imported: one scenario gives one bag, from ``run`` and from ``simulate``.
@@ -44,7 +45,8 @@ UNKNOWN = 'unknown'
 
 @dataclass(frozen=True)
 class Provenance:
-    """``name`` of the scenario, ``versions`` of packages, ``commit`` and ``digest`` of the code.
+    """
+    ``name`` of the scenario, ``versions`` of packages, ``commit`` and ``digest`` of the code.
 
     ``foreign`` names nodes whose place somebody else's node took.
     ``digest`` is the SHA-256 of the source of core, scenario and bag, which

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reading of a recorded run: its scenario, its provenance, its messages tick by tick.
+"""
+Reading of a recorded run: its scenario, its provenance, its messages tick by tick.
 
 Files are read from front to end in flat memory.  ``metadata.yaml`` and the
 index in the file are not needed and not trusted; no path found in a bag is
@@ -58,7 +59,8 @@ MAX_CHANNELS = 1000
 
 
 def find_bag(run: str | os.PathLike[str]) -> Path:
-    """Return the MCAP file of RUN: a run's directory, the bag in it, or the file itself.
+    """
+    Return the MCAP file of RUN: a run's directory, the bag in it, or the file itself.
 
     Raises BagError where there is none, or several.
     """
@@ -122,7 +124,8 @@ class Front:
 
 
 class BagReader:
-    """A recorded run.
+    """
+    A recorded run.
 
     Raises BagError (BagFormatError, BagContentError, BagLimitError), one line,
     where RUN is no bag of this package or its scenario cannot be read.
@@ -148,7 +151,8 @@ class BagReader:
             self.config = replace(self.config, changes=found)
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """Yield ``(tick, topic index, data)`` of every message in the order of the file.
+        """
+        Yield ``(tick, topic index, data)`` of every message in the order of the file.
 
         Raises BagContentError for a message at no tick of the run.
         """
@@ -170,7 +174,8 @@ class BagReader:
             self.damage = damage
 
     def ticks(self) -> Iterator[tuple[int, list[bytes | None]]]:
-        """Yield ``(tick, messages)``, each tick's messages in canonical order, None: missing.
+        """
+        Yield ``(tick, messages)``, each tick's messages in canonical order, None: missing.
 
         Raises BagContentError where a message comes twice or out of order.
         """
@@ -254,7 +259,8 @@ def _all_messages(path: Path) -> Iterator[Message]:
 
 
 def read_changes(path: Path, period_ns: int) -> tuple[Change, ...]:
-    """Return the parameters that were set while the run went on, as far as they can be read.
+    """
+    Return the parameters that were set while the run went on, as far as they can be read.
 
     Raises BagContentError for one that makes no sense.
     """

@@ -23,6 +23,7 @@ from flexarm_ros.bag.topics import (
     COMMAND,
     JOINT_STATES,
     REFERENCE,
+    split_state,
     STATE,
     TIP,
     Topic,
@@ -91,7 +92,7 @@ class Nodes:
             torque = before[COMMAND] if before else None
             if state is None or torque is None:
                 return None
-            plant.set_state(state[:n], state[n + 2 : 2 * n + 2])
+            plant.set_state(*split_state(state, n)[:2])
             plant.step(torque[0], torque[1])
         ends = plant.deflections()
         return (*plant.q.tolist(), *ends[:2], *plant.qd.tolist(), *ends[2:])
@@ -100,7 +101,8 @@ class Nodes:
         """Sensors and law have a memory: they can be told as long as no tick is missing."""
         state, n = now[STATE], self._size
         assert state is not None
-        q, qd = np.array(state[:n]), np.array(state[n + 2 : 2 * n + 2])
+        positions, rates, deflection = split_state(state, n)
+        q, qd = np.array(positions), np.array(rates)
         if tick == self._fed:
             self._fed += 1
             encoder = self._encoder.measure(tick, q, qd)
@@ -113,8 +115,7 @@ class Nodes:
         inputs = (now[JOINT_STATES], now[TIP], now[REFERENCE])
         if tick == self._judged and None not in inputs:
             self._judged += 1
-            deflection = (state[n], state[n + 1])
-            sample = Sample(q.tolist(), qd.tolist(), deflection, *inputs)  # type: ignore[arg-type]
+            sample = Sample(positions, rates, deflection, *inputs)  # type: ignore[arg-type]
             found[COMMAND] = (stamp, self._law.torque(tick, sample))
 
 

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The directory of a run: made first, marked incomplete, finished last.
+"""
+The directory of a run: made first, marked incomplete, finished last.
 
 ``DIR/bag`` is the recording, ``DIR/summary.json`` says from the first moment
 that the run is not finished, and is replaced, beside ``DIR/trajectory.csv``,
@@ -48,7 +49,8 @@ _DAMAGED = 'bag-damaged'
 
 
 class Recording:
-    """A bag below a run's directory, as the recorder node fills it.
+    """
+    A bag below a run's directory, as the recorder node fills it.
 
     ``foreign`` names the nodes that are somebody else's.  Raises BagError where
     the directory cannot be made or holds a bag already.
@@ -85,7 +87,8 @@ def free_directory(name: str, below: Path = Path('runs')) -> Path:
 
 
 def prepare_directory(directory: Path, config: RunConfig, name: str) -> None:
-    """Make a run's directory and mark it as not finished.
+    """
+    Make a run's directory and mark it as not finished.
 
     Raises BagExistsError if there is anything in it already, BagError or
     OSError where it cannot be made.
@@ -104,7 +107,8 @@ def finish_run(
     problem: str = '',
     unstable: tuple[int, str] | None = None,
 ) -> dict[str, Any]:
-    """Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
+    """
+    Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
 
     A bag that was cut off (recorder killed, disk full) is rescued first and
     the damaged one kept beside it.

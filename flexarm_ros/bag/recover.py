@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rescue of a damaged bag into a new one.
+"""
+Rescue of a damaged bag into a new one.
 
 Chunks are the unit: each has a checksum and is kept whole or not at all.
 Behind a damaged place the search goes on for the next sound chunk.  The
@@ -68,7 +69,8 @@ _ATTACHED = (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE)
 
 @dataclass
 class Rescue:
-    """What came of a rescue.
+    """
+    What came of a rescue.
 
     ``kept`` messages are in the new bag, ``complete`` of ``planned`` ticks.
     ``dropped`` counts messages that fit nowhere.  ``damages`` says what was
@@ -107,7 +109,8 @@ class Rescue:
 
 
 def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Rescue:
-    """Rescue what is sound in the bag of RUN into the new directory ``new_bag``.
+    """
+    Rescue what is sound in the bag of RUN into the new directory ``new_bag``.
 
     Nothing is created where nothing can be rescued.  Raises BagError where RUN
     has no file to look at or the new bag cannot be written (nothing of it is
@@ -188,7 +191,8 @@ def _start(scanner: Scanner, rescue: Rescue) -> int | None:
 
 
 def _resume(scanner: Scanner, error: BagError, trusted: int) -> int:
-    """Return where to go on after a damage, 0 for nowhere.
+    """
+    Return where to go on after a damage, 0 for nowhere.
 
     Lengths of records behind the last one with a checksum (it ends at
     ``trusted``) may be wrong, so the search starts there.

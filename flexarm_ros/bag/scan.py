@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sequential reading of an MCAP file that may be damaged or hostile.
+"""
+Sequential reading of an MCAP file that may be damaged or hostile.
 
 Nothing of the file's own index is trusted or used: records are read one after
 the other, every length is checked against what is left of the file and against
@@ -96,7 +97,8 @@ class Damage(BagFormatError):
 
 
 class Scanner:
-    """Reads the records of one file in order.
+    """
+    Reads the records of one file in order.
 
     Raises BagError if the file cannot be opened and BagFormatError if it is no
     MCAP file at all.
@@ -130,7 +132,8 @@ class Scanner:
         return self._file.read(len(MAGIC)) == MAGIC
 
     def records(self, start: int | None = None, bodies: bool = True) -> Iterator[Record]:
-        """Yield the records of the file, or those from byte ``start`` on, to the footer.
+        """
+        Yield the records of the file, or those from byte ``start`` on, to the footer.
 
         With ``bodies`` false the content of chunks is passed over.  Raises
         BagFormatError if the file is none of MCAP, Damage where it breaks off,
@@ -245,7 +248,8 @@ def attachment_sound(record: Record) -> bool:
 
 
 def parse(path: Path, record: Record, reader: Callable[[ReadDataStream], T]) -> T:
-    """Parse a record's content with the ``mcap`` library's ``reader``.
+    """
+    Parse a record's content with the ``mcap`` library's ``reader``.
 
     Raises Damage where the content does not fit.
     """
@@ -260,7 +264,8 @@ def parse(path: Path, record: Record, reader: Callable[[ReadDataStream], T]) -> 
 
 
 def unpack(path: Path, record: Record) -> bytes:
-    """Return the records inside of a chunk, decompressed and checked.
+    """
+    Return the records inside of a chunk, decompressed and checked.
 
     Raises Damage, or BagLimitError if the chunk is too large.
     """
@@ -311,21 +316,17 @@ def inner_records(path: Path, offset: int, data: bytes) -> Iterator[Message | Re
         position += _HEAD.size
         if length > size - position:
             raise Damage(path, offset, 'records inside of a chunk')
+        end = position + length
         if opcode == _MESSAGE_OPCODE:
             if length < _MESSAGE.size:
                 raise Damage(path, offset, 'a message inside of a chunk')
             head = _MESSAGE.unpack_from(data, position)
             channel, sequence, log_time, publish_time = head
-            yield Message(
-                channel,
-                sequence,
-                log_time,
-                publish_time,
-                data[position + _MESSAGE.size : position + length],
-            )
+            content = position + _MESSAGE.size
+            yield Message(channel, sequence, log_time, publish_time, data[content:end])
         else:
-            yield Record(opcode, offset, data[position : position + length])
-        position += length
+            yield Record(opcode, offset, data[position:end])
+        position = end
 
 
 def library_record(path: Path, record: Record, kind: Any) -> Any:

@@ -59,11 +59,9 @@ class BlockMaker:
         now = self._timeline.stamp_ns(record.k)
         _, state, encoder, tip, reference, command, *more = self._values
         size = len(record.q)
-        row = state[i]
-        row[:size] = record.q
-        row[size : size + 2] = record.deflections[:2]
-        row[size + 2 : 2 * size + 2] = record.qd
-        row[2 * size + 2 :] = record.deflections[2:]
+        positions, rates = state[i].reshape(2, size + 2)
+        positions[:size], positions[size:] = record.q, record.deflections[:2]
+        rates[:size], rates[size:] = record.qd, record.deflections[2:]
         encoder[i] = record.encoder[1:]
         tip[i] = record.tip[1:]
         reference[i] = record.reference
@@ -107,7 +105,8 @@ def simulate(
     watch: Callable[[int, int], None] = lambda *_: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Fly a scenario in this process, record it below ``directory``, return the summary.
+    """
+    Fly a scenario in this process, record it below ``directory``, return the summary.
 
     ``watch(ticks, of all)`` is called and ``stop()`` asked after every block
     of 512 ticks.  Raises BagExistsError or BagError; ValueError where the core

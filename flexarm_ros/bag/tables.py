@@ -29,7 +29,8 @@ BATCH = 512
 
 @dataclass(frozen=True)
 class Batch:
-    """Consecutive messages of one topic.
+    """
+    Consecutive messages of one topic.
 
     ``ticks`` and ``stamps`` (ns), shape ``(n,)``; ``values``, shape
     ``(n, fields)``, columns as in the topic's ``codec.fields``.
@@ -42,7 +43,8 @@ class Batch:
 
 
 def batches(reader: BagReader, size: int = BATCH) -> Iterator[list[Batch]]:
-    """Yield the messages of ``size`` ticks at a time, one batch a topic.
+    """
+    Yield the messages of ``size`` ticks at a time, one batch a topic.
 
     Ticks or messages that are missing are missing from the batches.  Raises
     BagContentError where a message cannot be decoded.

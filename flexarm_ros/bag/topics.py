@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics of a run: names, types, quality of service and canonical order.
+"""
+The topics of a run: names, types, quality of service and canonical order.
 
 At every tick each of these topics carries exactly one message.  The order of
 ``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
@@ -22,9 +23,13 @@ the flow of the data: clock, state, measurements and reference, torque.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
+from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.parameters import RunConfig
+
+_Values = TypeVar('_Values', tuple[float, ...], FloatArray)
 
 BASE_FRAME = 'base'
 JOINTS = ('shoulder', 'elbow')
@@ -54,7 +59,8 @@ class Qos:
 
 @dataclass(frozen=True)
 class Topic:
-    """One per-tick topic of a run.
+    """
+    One per-tick topic of a run.
 
     ``name`` is relative (``plant/state``), so that namespaces and remapping
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
@@ -81,6 +87,13 @@ def state_names(modes: int) -> tuple[str, ...]:
     """Names of the plant's coordinates for ``modes`` assumed modes a link."""
     modal = [f'{link}_mode{i}' for link in LINKS for i in range(1, modes + 1)]
     return (*JOINTS, *modal)
+
+
+def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
+    """Split the values of ``plant/state``: ``size`` coordinates, their rates, end deflections."""
+    half = size + len(LINKS)
+    positions, rates = values[:half], values[half:]
+    return positions[:size], rates[:size], positions[size:]
 
 
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:

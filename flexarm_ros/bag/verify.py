@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Proof of a recorded run: every message computed anew and compared byte for byte.
+"""
+Proof of a recorded run: every message computed anew and compared byte for byte.
 
 Node by node, from the recorded inputs (the plant from the recorded state and
 torque of the tick before, the sensors from the recorded states, the
@@ -60,7 +61,8 @@ class Difference:
 
 @dataclass
 class Verdict:
-    """What came of a verification.
+    """
+    What came of a verification.
 
     ``compared`` counts messages of each check (node names and ``closed loop``)
     and ``first`` has its first difference, ``differing`` how many messages
@@ -85,7 +87,7 @@ class Verdict:
 
     @property
     def earliest(self) -> Difference | None:
-        """The difference of the lowest tick, a node's before the closed loop's."""
+        """Return the difference of the lowest tick, a node's before the closed loop's."""
         return min(self.first.values(), key=lambda d: (d.tick, d.check == LOOP), default=None)
 
 
@@ -238,7 +240,8 @@ class _Run:
 
 
 def verify(run: str | os.PathLike[str], foreign: Sequence[str] = ()) -> Verdict:
-    """Compute the run of a bag anew and compare every recorded message.
+    """
+    Compute the run of a bag anew and compare every recorded message.
 
     ``foreign`` names nodes that were not ours (beside those that the bag
     itself names): their output is taken as it is, and the closed loop is not

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recording of a run into a rosbag2 directory with one MCAP file.
+"""
+Recording of a run into a rosbag2 directory with one MCAP file.
 
 The bytes depend on the scenario, the messages and the versions of the packages
 only: no wall time, host, user or process number goes in, chunks end at ticks,
@@ -68,7 +69,8 @@ MAX_CHUNK = 8 * 1024 * 1024
 
 
 class BagWriter:
-    """Writes a bag from messages that come in any order across topics.
+    """
+    Writes a bag from messages that come in any order across topics.
 
     Parameters: the new directory of the bag; the scenario; where it comes from
     (default: this process); the topics, if other than the scenario's own.
@@ -150,7 +152,7 @@ class BagWriter:
         while done < len(rows):
             room = self._chunk_ticks - self._next % self._chunk_ticks
             room = min(room, -(-(MAX_CHUNK - self._bytes) // rows.shape[1]))
-            part = rows[done : done + room]
+            part = rows[done:][:room]
             self._append(part, self._next)
             done += len(part)
             self._next += len(part)

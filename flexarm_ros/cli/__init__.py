@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command ``flexarm``.
+"""
+The command ``flexarm``.
 
 Each command is a module of this package with ``add_parser(subparsers)`` and
 ``run(args) -> int``, the exit status.  Only the module of the command that was asked for
@@ -79,7 +80,8 @@ class _Version(argparse.Action):
 
 
 class _Output:
-    """Standard output that goes quiet when its reader has left.
+    """
+    Standard output that goes quiet when its reader has left.
 
     The command then still runs to its end and gives its own exit status.
     """

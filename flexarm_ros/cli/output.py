@@ -37,7 +37,8 @@ _METRICS = (
 
 
 def new_directory(out: Path | None, name: str, below: Path = Path('runs')) -> Path:
-    """Return a directory for a new run: ``out``, or ``runs/NAME``, ``runs/NAME-2``, ...
+    """
+    Return a directory for a new run: ``out``, or ``runs/NAME``, ``runs/NAME-2``, ...
 
     A default one is made at once, so that two runs started together do not take the same.
     Raises UsageError if ``out`` is there already with something in it.

@@ -31,7 +31,7 @@ def add_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--node', dest='nodes', action='append', default=[], type=_assignment,
         metavar='NODE=COMMAND',
-        help="start COMMAND in the place of NODE, and end it with the run; repeats, as in "
+        help='start COMMAND in the place of NODE, and end it with the run; repeats, as in '
         "--node controller='python3 my_controller.py'",
     )  # fmt: skip
 

@@ -39,7 +39,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         '--out', type=Path, metavar='DIR',
         help="where to write (default: report/ in the run's directory; "
-        "of several runs: report/ here)",
+        'of several runs: report/ here)',
     )  # fmt: skip
     parser.add_argument('--no-pictures', action='store_true', help='write the page only')
     parser.add_argument('--open', action='store_true', help='open the page in a browser')
@@ -61,5 +61,5 @@ def run(args: argparse.Namespace) -> int:
     for path in (page, *pictures):
         print(path)
     if args.open:
-        webbrowser.open(page.resolve().as_uri())
+        webbrowser.load(page.resolve().as_uri())
     return 0

@@ -60,7 +60,7 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--without', action='append', default=[], choices=REPLACEABLE, metavar='NODE',
-        help="do not start NODE: one of yours takes its place; repeats "
+        help='do not start NODE: one of yours takes its place; repeats '
         f"({', '.join(REPLACEABLE)})",
     )  # fmt: skip
     add_option(parser)

@@ -50,7 +50,8 @@ def _raise(signum: int, frame: FrameType | None) -> None:
 
 
 class Deferred:
-    """While the block runs, SIGINT and SIGTERM only set ``signum`` (0: none came).
+    """
+    While the block runs, SIGINT and SIGTERM only set ``signum`` (0: none came).
 
     The exception would otherwise rise anywhere, within a compiled function's call-back
     too, where Python can only drop it.
@@ -62,7 +63,7 @@ class Deferred:
 
     @property
     def status(self) -> int:
-        """The exit status of the signal that came, 0 if none did."""
+        """Return the exit status of the signal that came, 0 if none did."""
         return 128 + self.signum if self.signum else 0
 
     def _note(self, signum: int, frame: FrameType | None) -> None:

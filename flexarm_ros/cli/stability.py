@@ -57,7 +57,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         '--gain', type=_positive, nargs='+', metavar='G',
         help="factors of J^T (Kp e + Kd e'), K_s lambda of fls (default: fls 1/6, 1/2 and 5/6 of "
-        "K_s; otherwise the law as it is)",
+        'K_s; otherwise the law as it is)',
     )  # fmt: skip
     parser.add_argument(
         '--max-latency', type=_latency, default=0.06, metavar='S',

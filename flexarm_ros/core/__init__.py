@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Physics, sensors and control of the arm: pure functions of numbers.
+"""
+Physics, sensors and control of the arm: pure functions of numbers.
 
 Nothing below this package imports rclpy, opens a file, reads a clock or draws
 from a global random generator.

@@ -23,7 +23,8 @@ import numpy as np
 
 
 class ArmLine:
-    """Points of both links at equal distances, the shoulder first, the tip last.
+    """
+    Points of both links at equal distances, the shoulder first, the tip last.
 
     ``per_link`` points a link beside its start; the elbow is number ``per_link``.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Shape functions of a flexible link.
+"""
+Shape functions of a flexible link.
 
 Everything here is dimensionless: a link is 0 <= xi <= 1, its deflection is
 w = sum_i phi_i(xi) a_i.  All shapes satisfy phi(0) = phi'(0) = 0, the tangent
@@ -74,7 +75,8 @@ def clamped_clamped_root(index: int) -> float:
 
 
 def _beam_shape(root: float, rest: float, xi: FloatArray, order: int) -> FloatArray:
-    """Return d^order of cosh z - cos z - (1 - rest) (sinh z - sin z), z = root xi.
+    """
+    Return d^order of cosh z - cos z - (1 - rest) (sinh z - sin z), z = root xi.
 
     Written with exp(-z) and a closed form of ``rest``: the textbook form loses
     all its digits near the end of the higher modes.
@@ -131,7 +133,8 @@ def family(name: str, count: int, xi: FloatArray, order: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Basis:
-    """N orthogonal shape functions on 0 <= xi <= 1, made of those of ``family``.
+    """
+    N orthogonal shape functions on 0 <= xi <= 1, made of those of ``family``.
 
     ``mixing`` has shape ``(N, R)``: shape i = sum_j mixing[i, j] function_j.
     ``stiffness`` has shape ``(N,)``: the integrals of phi_i''^2; the

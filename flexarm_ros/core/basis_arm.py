@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``arm_modes``: the N shape functions a link that serve this arm's own modes best.
+"""
+``arm_modes``: the N shape functions a link that serve this arm's own modes best.
 
 The first modes of the arm (N, at least four) are computed with a fine polynomial basis, at
 elbow angles from straight to folded and with the joints locked, free and one
@@ -134,7 +135,8 @@ def _means(values: FloatArray, groups: FloatArray) -> FloatArray:
 def _mode_shapes(
     arm: Arm,
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray, FloatArray, FloatArray]:
-    """Return each link's part ``(modes, FINE)`` of the arm's modes, and three numbers a mode.
+    """
+    Return each link's part ``(modes, FINE)`` of the arm's modes, and three numbers a mode.
 
     These are omega^2; its place among those of its pose and joint condition,
     from 0, twins having that of the first; and a number that twins share.
@@ -166,7 +168,8 @@ def _mode_shapes(
 
 
 def _first_twins(squares: FloatArray, served: int, together: bool) -> list[int]:
-    """Return for each mode the place of its first twin.
+    """
+    Return for each mode the place of its first twin.
 
     Of ``served`` modes, and the last one's twins; ``together`` false: every mode by itself.
     """
@@ -194,7 +197,8 @@ def _fine_basis() -> Basis:
 
 
 def straight_mass(arm: Arm, theta2: float) -> FloatArray:
-    """Return M at zero deformation in the fine basis, shape ``(2 + 2 FINE,) * 2``.
+    """
+    Return M at zero deformation in the fine basis, shape ``(2 + 2 FINE,) * 2``.
 
     Each velocity below is a row over the rates of (theta1, theta2, a, b): the
     turning of link 2, its start's velocity along and across link 2.

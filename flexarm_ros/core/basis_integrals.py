@@ -25,7 +25,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class LinearIntegrals:
-    """Integrals over xi for a link of unit length and mass; N shape functions.
+    """
+    Integrals over xi for a link of unit length and mass; N shape functions.
 
     ``mean`` (N,): of phi_i; ``moment`` (N,): of xi phi_i; ``mass`` (N, N): of
     phi_i phi_j.  Values at the end, xi = 1: ``end``, ``end_slope`` (N,).
@@ -40,7 +41,8 @@ class LinearIntegrals:
 
 @dataclass(frozen=True)
 class ShorteningIntegrals:
-    """Integrals of g_ij(xi) = int_0^xi phi_i' phi_j', for the same link.
+    """
+    Integrals of g_ij(xi) = int_0^xi phi_i' phi_j', for the same link.
 
     The axial shortening of a link of length L is a^T g a / (2 L).
 
@@ -84,7 +86,8 @@ def shortening_integrals(basis: Basis) -> ShorteningIntegrals:
 
 
 def _running_shortening(basis: Basis) -> FloatArray:
-    """Return g at every node of the composite rule, shape ``(nodes, N, N)``.
+    """
+    Return g at every node of the composite rule, shape ``(nodes, N, N)``.
 
     Up to each node: whole panels, then the rule once more from the panel's
     start to the node.

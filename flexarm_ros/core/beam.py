@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Clamped-free Euler-Bernoulli beam modes: equations (6) to (9) of the paper.
+"""
+Clamped-free Euler-Bernoulli beam modes: equations (6) to (9) of the paper.
 
 The roots are those of the characteristic equation itself,
 cos(z) cosh(z) + 1 = 0 (1.8751, 4.6941, ...), not the paper's approximation
@@ -37,7 +38,8 @@ AMPLITUDE = 0.1
 
 
 def clamped_free_root(index: int) -> float:
-    """Return root number ``index`` (from 0) of cos(z) cosh(z) + 1 = 0, z = lambda L.
+    """
+    Return root number ``index`` (from 0) of cos(z) cosh(z) + 1 = 0, z = lambda L.
 
     Newton's method on cos(z) + 1 / cosh(z), which has the same roots and does
     not grow with z, from the paper's approximation (0.597 pi for the first).
@@ -54,7 +56,8 @@ def clamped_free_root(index: int) -> float:
 
 @dataclass(frozen=True)
 class ClampedFreeModes:
-    """The first ``count`` modes of a uniform link clamped at x = 0.
+    """
+    The first ``count`` modes of a uniform link clamped at x = 0.
 
     ``length`` in m, ``mass_density`` in kg/m, ``flexural_rigidity`` in N m^2.
     All results are arrays of shape ``(count,)``, lowest mode first.

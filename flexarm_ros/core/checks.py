@@ -27,7 +27,8 @@ from flexarm_ros.core.trajectory import check_reachable, initial_angles
 
 
 def check(config: RunConfig) -> None:
-    """Raise ``ValueError``, naming the key, where the parts of ``config`` do not fit.
+    """
+    Raise ``ValueError``, naming the key, where the parts of ``config`` do not fit.
 
     Each value is taken to be within its own :class:`Spec` already.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The one way in which functions of the core are compiled.
+"""
+The one way in which functions of the core are compiled.
 
 ``@compiled`` is numba's ``njit`` with a cache on disk and nothing that could
 change a result from one run to the next: no fast-math, no threads.  Functions

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Delay lines of exact, fractional length for a signal sampled once a tick.
+"""
+Delay lines of exact, fractional length for a signal sampled once a tick.
 
 ``buffer``: the output at tick k is the input at t_k - latency, linear between
 ticks; the latency is split into whole ticks and a remainder in integer
@@ -112,7 +113,8 @@ class PadeDelay:
         self.set_latency_ns(latency_ns)
 
     def set_latency_ns(self, latency_ns: int) -> None:
-        """Change the latency from the next tick on; the state is kept.
+        """
+        Change the latency from the next tick on; the state is kept.
 
         A signal at rest stays at rest, since the equilibrium of the states
         does not depend on the latency.
@@ -129,7 +131,8 @@ class PadeDelay:
 
 
 def pade2_matrices(ratio: float) -> FloatArray:
-    """Return the discrete matrices of the approximation, shape ``(2, 4)``.
+    """
+    Return the discrete matrices of the approximation, shape ``(2, 4)``.
 
     ``ratio`` is tick / latency.  In time measured in latencies, with states
     z1, z2 = z1': z2' = 12 (u - z1) - 6 z2 and output u - z2, so that at rest

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The fuzzy logic system of (21), evaluated exactly.
+"""
+The fuzzy logic system of (21), evaluated exactly.
 
 The definition is :mod:`flexarm_ros.core.fls_definition`; this is its value in
 closed form.  With a = |delta1| / K_n and b = |delta2| / K_n on [0, 1] the nine
@@ -46,7 +47,8 @@ def _half_moments(falling: float, rising: float) -> tuple[float, float]:
 
 @compiled
 def fls_lambda(input1: float, input2: float) -> float:
-    """Return lambda for the normalised deflections delta1 / K_n and delta2 / K_n.
+    """
+    Return lambda for the normalised deflections delta1 / K_n and delta2 / K_n.
 
     Inputs beyond the universe [-1, 1] count as its ends; the value is from
     lambda(0, 0) = 1/6 to lambda(+-1, +-1) = 5/6.

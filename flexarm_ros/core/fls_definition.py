@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The one definition of the fuzzy logic system: Figures 2 and 3, Table 1.
+"""
+The one definition of the fuzzy logic system: Figures 2 and 3, Table 1.
 
 Membership functions and rules are given here as numbers; :func:`build` makes
 the scikit-fuzzy control system of them, which can be printed, plotted and
@@ -56,7 +57,8 @@ RULES: dict[tuple[str, str], str] = {
 
 
 def build(samples: int = 2001) -> Any:
-    """Return the ``skfuzzy.control.ControlSystem``: min, max, centroid.
+    """
+    Return the ``skfuzzy.control.ControlSystem``: min, max, centroid.
 
     ``samples`` is the number of points on each universe; scikit-fuzzy's
     centroid is exact but for the kinks that fall between them.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where points of the arm are, how fast they move, and the way back.
+"""
+Where points of the arm are, how fast they move, and the way back.
 
 Everything is in frame ``base``: origin at the shoulder, x and y in m, angles
 counter-clockwise positive in rad.
@@ -49,7 +50,8 @@ def rigid_point(
 def elastic_point(
     q: FloatArray, qd: FloatArray, shapes: FloatArray, shortening: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return x, y, vx, vy of a material point of the bent arm.
+    """
+    Return x, y, vx, vy of a material point of the bent arm.
 
     ``shapes`` ``(3, N + 1)``: rows are the shape functions of link 1 at its
     end (or at the point, where that is on link 1), their slopes, and the shape
@@ -124,7 +126,8 @@ class RigidPointKinematics(PointKinematics):
 
 
 def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointKinematics:
-    """Return the kinematics of the point ``location`` m from the shoulder along the arm.
+    """
+    Return the kinematics of the point ``location`` m from the shoulder along the arm.
 
     ``elastic`` false: rigid kinematics of theta1 and theta2 (the paper's
     Figure 4).  True: where the material point of the bent arm is, in the shape
@@ -159,7 +162,8 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
 def jacobian(
     lengths: Lengths, th1: float, th2: float, location: float
 ) -> tuple[float, float, float, float]:
-    """Return J11, J12, J21, J22 (m) of the rigid point ``location`` m along the arm.
+    """
+    Return J11, J12, J21, J22 (m) of the rigid point ``location`` m along the arm.
 
     (vx, vy) = J (theta1', theta2').
     """
@@ -176,7 +180,8 @@ def reach(lengths: Lengths) -> tuple[float, float]:
 
 
 def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, float]:
-    """Return theta1, theta2 (rad, theta2 from 0 to pi) that put the rigid tip at x, y.
+    """
+    Return theta1, theta2 (rad, theta2 from 0 to pi) that put the rigid tip at x, y.
 
     Raises ``ValueError`` where the point is out of reach.
     """

@@ -21,7 +21,8 @@ from flexarm_ros.core.compiled import compiled, FloatArray
 
 @compiled
 def solve_symmetric(matrix: FloatArray, vector: FloatArray) -> None:
-    """Solve ``matrix @ x = vector`` in place by LDL^T; ``vector`` becomes x.
+    """
+    Solve ``matrix @ x = vector`` in place by LDL^T; ``vector`` becomes x.
 
     ``matrix`` ``(n, n)`` is symmetric positive definite; only its lower
     triangle is read, and overwritten.  The order of every sum is fixed.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm about a pose as one linear system: torques in, what the sensors deliver out.
+"""
+The arm about a pose as one linear system: torques in, what the sensors deliver out.
 
 This is the part of :class:`flexarm_ros.core.stability.SampledLoop` that is not the law, as
 matrices that any control library takes.  In discrete time, one step a tick, it is what is flown:
@@ -50,7 +51,8 @@ DEFLECTION = ('delta1', 'delta2')
 
 @dataclass(frozen=True)
 class LinearModel:
-    """x+ (or x') = a x + b u, y = c x + d u: small motions about rest at a pose.
+    """
+    x+ (or x') = a x + b u, y = c x + d u: small motions about rest at a pose.
 
     ``a`` ``(m, m)``, ``b`` ``(m, 2)``, ``c`` ``(p, m)``, ``d`` ``(p, 2)``, all outputs stacked
     in the order of ``outputs``.  ``period``: the tick, s; 0 in continuous time.  Units: N m in;
@@ -80,7 +82,8 @@ class LinearModel:
 def linear_model(
     config: RunConfig, theta1: float, theta2: float, continuous: bool = False
 ) -> LinearModel:
-    """Return the arm of ``config`` with both sensors and their delays, about rest at a pose, rad.
+    """
+    Return the arm of ``config`` with both sensors and their delays, about rest at a pose, rad.
 
     Outputs: the plant's coordinates and rates (undelayed), encoder and tip sensor as delivered,
     the end deflections (undelayed).  Not in it: noise, counts, speed.  Raises ``ValueError``,
@@ -100,12 +103,12 @@ def linear_model(
     sensed = [np.asarray(np.kron(np.eye(2), part)) for part in (np.eye(2, size), point)]
     lines = [_line(config, node, continuous) for node in ('encoder', 'tip_sensor')]
     system = _joined(a, b, sensed, lines)
-    whole = np.zeros((2 + 2 * size, len(system.a)))
-    whole[: 2 * size, : 2 * size] = np.eye(2 * size)
-    whole[2 * size :, :size] = arm.deflection
+    whole = np.zeros((2 * size + 2, len(system.a)))
+    whole[:-2, : 2 * size] = np.eye(2 * size)
+    whole[-2:, :size] = arm.deflection
     names = coordinate_names(config.plant.modes)
     coordinates = (*names, *(f'{name}_rate' for name in names))
-    c = np.vstack([whole[: 2 * size], system.c, whole[2 * size :]])
+    c = np.vstack([whole[:-2], system.c, whole[-2:]])
     return LinearModel(
         a=system.a,
         b=system.b,
@@ -152,7 +155,8 @@ def _line(config: RunConfig, node: str, continuous: bool) -> DelayLine:
 
 
 def _continuous_pade(latency: float) -> DelayLine:
-    """Return the paper's second-order Pade approximation of a delay, s, of one channel.
+    """
+    Return the paper's second-order Pade approximation of a delay, s, of one channel.
 
     (1 - s tau / 2 + (s tau)^2 / 12) / (1 + s tau / 2 + (s tau)^2 / 12), states z1 = the input at
     rest and z2 = tau z1'; see :func:`flexarm_ros.core.delay.pade2_matrices`.

@@ -31,7 +31,8 @@ Four = tuple[float, float, float, float]
 
 
 class TickRecord(NamedTuple):
-    """What the nodes publish in one tick.
+    """
+    What the nodes publish in one tick.
 
     ``q``, ``qd`` ``(n,)`` are the plant's own arrays: valid until the next
     tick.  ``deflections``: delta1, delta2 (m) and their rates (m/s).
@@ -54,7 +55,8 @@ class TickRecord(NamedTuple):
 
 
 class ClosedLoop:
-    """Plant, sensors, trajectory and controller of one scenario.
+    """
+    Plant, sensors, trajectory and controller of one scenario.
 
     Tick k: the plant's state at t_k; sensors and trajectory answer for it; the
     controller answers them; the torque is held until t_k+1.  The state after

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The metrics of ``summary.json``, from rows of ``trajectory.csv``, in constant memory.
+"""
+The metrics of ``summary.json``, from rows of ``trajectory.csv``, in constant memory.
 
 Errors are distances from the undelayed reference: ``rigid`` is the rigid
 kinematics of the joint angles, ``tip`` the bent arm's tip.  The root mean
@@ -77,7 +78,7 @@ class Metrics:
         self._done += len(block)
 
     def _switch(self, index: int) -> Switch | None:
-        """The switch ``index`` of the run, ``None`` past its end."""
+        """Return the switch ``index`` of the run, ``None`` past its end."""
         switch = self._path.switch(index)
         return switch if switch is not None and switch.time_ns < self._end_ns else None
 
@@ -94,13 +95,15 @@ class Metrics:
             if index == len(self._overshoot):
                 self._overshoot.append(0.0)
                 self._tip_overshoot.append(0.0)
-            seen = block[max(first, 0) : last + 1] if last >= 0 else block[:0]
+            start, end = max(first, 0), max(last + 1, 0)
+            seen = block[start:end]
             for values, column in ((self._overshoot, _RIGID), (self._tip_overshoot, _TIP)):
                 values[index] = max(values[index], farthest(seen, column, switch))
             index += 1
 
     def result(self) -> dict[str, Any]:
-        """Return the metrics, ``None`` for what is not finite or not known.
+        """
+        Return the metrics, ``None`` for what is not finite or not known.
 
         Switches of the run that were not reached have an overshoot of ``None``.
         """
@@ -158,7 +161,8 @@ def _farthest(
 
 @compiled
 def accumulate(sums: FloatArray, block: FloatArray) -> None:
-    """Add rows ``(n, 20)`` to ``sums`` ``(6,)``, in order.
+    """
+    Add rows ``(n, 20)`` to ``sums`` ``(6,)``, in order.
 
     Sum and largest of the squared error of ``rigid``, the same of ``tip``, the
     largest deflection and the largest torque.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm linearised about rest: matrices, natural frequencies, transfer functions' ingredients.
+"""
+The arm linearised about rest: matrices, natural frequencies, transfer functions' ingredients.
 
 At rest with straight links every Coriolis and centrifugal term is of second
 order, so that both models are M x'' + D x' + K x = B tau there, in the
@@ -42,7 +43,8 @@ JOINTS = {
 
 @dataclass(frozen=True)
 class LinearArm:
-    """M x'' + D x' + K x = B tau about a rest pose; n = 2 + 2 modes.
+    """
+    M x'' + D x' + K x = B tau about a rest pose; n = 2 + 2 modes.
 
     ``mass``, ``damping`` and ``stiffness`` ``(n, n)`` (SI units of the
     coordinates: rad for the joints), ``torque`` ``(n, 2)`` = B, ``deflection``
@@ -62,7 +64,8 @@ class LinearArm:
     kept: tuple[int, ...]
 
     def point(self, location: float, elastic: bool = True) -> FloatArray:
-        """Return C, shape ``(2, n)``: (dx, dy) of a point is C x, its velocity C x'.
+        """
+        Return C, shape ``(2, n)``: (dx, dy) of a point is C x, its velocity C x'.
 
         ``location``: m from the shoulder along the arm; ``elastic`` false:
         the point of the rigid arm with these joint angles.  Frame ``base``.
@@ -101,7 +104,8 @@ class LinearArm:
 
 
 def linearise(config: RunConfig, theta2: float, theta1: float = 0.0) -> LinearArm:
-    """Return the arm of ``config.plant`` linearised about rest at these angles, rad.
+    """
+    Return the arm of ``config.plant`` linearised about rest at these angles, rad.
 
     Links straight, no torques.  Model ``eq14`` gives the matrices of (14).
     """
@@ -119,9 +123,8 @@ def linearise(config: RunConfig, theta2: float, theta1: float = 0.0) -> LinearAr
         mass = mass_matrix(plant, pose)
         stiffness, damping = elastic_diagonals(plant)
         shape = make_constants(plant).vectors[:, END]
-    for link in (0, 1):
-        start = 2 + link * plant.modes
-        ends[link, start : start + plant.modes] = shape[link]
+    half = 2 + plant.modes
+    ends[0, 2:half], ends[1, half:] = shape
     return LinearArm(
         plant=plant,
         theta1=theta1,
@@ -136,7 +139,8 @@ def linearise(config: RunConfig, theta2: float, theta1: float = 0.0) -> LinearAr
 
 
 def natural_frequencies(config: RunConfig, theta2: float, joints: str) -> FloatArray:
-    """Return the undamped natural frequencies, rad/s, rising, without the rigid modes.
+    """
+    Return the undamped natural frequencies, rad/s, rising, without the rigid modes.
 
     ``joints``: a key of :data:`JOINTS`.  A free joint is one rigid mode less
     and carries its hub inertia; a locked joint's hub does not matter.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every parameter of a run: name, type, unit, default, range and meaning.
+"""
+Every parameter of a run: name, type, unit, default, range and meaning.
 
 This is the single place where a key of a scenario is defined.  The scenario
 reader checks files against it, the nodes declare their ROS parameters from it
@@ -297,7 +298,8 @@ SECTIONS: dict[str, type] = {
 
 @dataclass(frozen=True)
 class RunConfig:
-    """A whole, checked scenario: what every layer passes around.
+    """
+    A whole, checked scenario: what every layer passes around.
 
     ``torques`` holds the rows of the torque file, shape ``(rows, 3)`` as
     nested tuples ``(t, tau1, tau2)``, empty unless the law is ``open_loop``.

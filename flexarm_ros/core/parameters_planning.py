@@ -23,14 +23,15 @@ from flexarm_ros.core.parameters_spec import parameter as _key
 
 @dataclass(frozen=True)
 class PlanningParameters:
-    """What these laws take in section ``controller``, each under a name of its own.
+    """
+    What these laws take in section ``controller``, each under a name of its own.
 
     ``model``: the arm that they believe in; ``plan``: the planned motion; ``joint``: loops about
     the joints; ``passive``; ``lqg``: regulator and filter, ``adaptive`` too; ``adaptive``.
     """
 
     model_modes: int | None = _key(
-        None, 'int', '', "modes a link of the arm that the planning laws believe in; left out, "
+        None, 'int', '', 'modes a link of the arm that the planning laws believe in; left out, '
         "here and in the other model keys: the plant's",
         key='model.modes', low=1, high=6,
     )  # fmt: skip

@@ -22,7 +22,8 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Spec:
-    """What is allowed for one key, and what it means.
+    """
+    What is allowed for one key, and what it means.
 
     ``kind`` is one of ``float``, ``int``, ``bool``, ``str``, ``float2`` (an
     array of two, one value a link or axis) and ``floats`` (any length from 1).

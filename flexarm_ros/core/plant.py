@@ -47,7 +47,8 @@ the rest is margin for what the linear estimate leaves out.
 
 
 class Plant(Protocol):
-    """An arm that is advanced one control tick at a time.
+    """
+    An arm that is advanced one control tick at a time.
 
     ``q`` and ``qd``, shape ``(2 + 2 modes,)``, are in the order of ``names``:
     theta1, theta2 (rad), then the modal coordinates of link 1 and of link 2.
@@ -113,7 +114,8 @@ class Eq14Plant:
 
 
 def choose_substeps(plant: PlantParameters, period: float, highest: float) -> int:
-    """Return the RK4 steps a tick of ``period`` s for a highest rate of ``highest`` 1/s.
+    """
+    Return the RK4 steps a tick of ``period`` s for a highest rate of ``highest`` 1/s.
 
     Left out, enough for :data:`ACCURATE_PHASE`; given, checked against
     :data:`STABLE_PHASE`: too few raise ``ValueError`` instead of blowing up later.
@@ -145,7 +147,8 @@ def check_substeps(config: RunConfig) -> None:
 
 
 def make_plant(config: RunConfig) -> Plant:
-    """Return the plant of ``config`` at its initial state.
+    """
+    Return the plant of ``config`` at its initial state.
 
     The joint angles are ``plant.initial_position``, or those of the reference
     at the start; links are straight, without elastic rates.  Raises
@@ -167,7 +170,8 @@ def make_plant(config: RunConfig) -> Plant:
 
 
 def instability(plant: Plant) -> str | None:
-    """Return what is unstable about the plant's state, or ``None``.
+    """
+    Return what is unstable about the plant's state, or ``None``.
 
     That is a state that is not finite, or a deflection beyond
     :data:`DEFLECTION_LIMIT`.

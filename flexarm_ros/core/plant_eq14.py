@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Equation (14) as the paper states it: the ``eq14`` plant.
+"""
+Equation (14) as the paper states it: the ``eq14`` plant.
 
 Coordinates are (theta1, theta2, modes of link 1, modes of link 2); theta2 is
 measured from the tangent at the end of link 1.  At zero deformation, with
@@ -42,7 +43,8 @@ import numpy as np
 
 
 class Eq14Matrices:
-    """The constant matrices of (14) for one arm with N modes a link, n = 2 + 2 N.
+    """
+    The constant matrices of (14) for one arm with N modes a link, n = 2 + 2 N.
 
     ``mass``: ``(2, n, n)``, M = mass[0] + cos(theta2) mass[1], kg m^2, kg m, kg;
     ``stiffness`` and ``damping``: ``(n,)``, diagonals, zero for the joints;
@@ -101,7 +103,8 @@ class Eq14Matrices:
         return np.asarray(self.mass[0] + math.cos(theta2) * self.mass[1])
 
     def highest_rate(self) -> float:
-        """Return the largest |s|, 1/s, of M s^2 + D s + K over all elbow angles.
+        """
+        Return the largest |s|, 1/s, of M s^2 + D s + K over all elbow angles.
 
         For every x the Rayleigh quotient x'Kx / x'M x is convex in cos(theta2),
         since M is linear in it, and so is its largest value: the straight and
@@ -168,7 +171,8 @@ def step_eq14(
     matrix: FloatArray,
     work: FloatArray,
 ) -> tuple[float, float, float, float]:
-    """Advance ``state`` ``(2, n)`` (positions, rates) by ``substeps`` steps of RK4.
+    """
+    Advance ``state`` ``(2, n)`` (positions, rates) by ``substeps`` steps of RK4.
 
     The torques (N m) are held; ``step`` in s; ``diagonals`` ``(3, n)``:
     stiffness, damping, end shape.  ``matrix`` ``(n, n)`` and ``work``

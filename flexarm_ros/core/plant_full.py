@@ -48,7 +48,8 @@ _ANGLES = 25
 
 
 class FullPlant:
-    """The arm of :mod:`flexarm_ros.core.plant_full_model`; a ``Plant``.
+    """
+    The arm of :mod:`flexarm_ros.core.plant_full_model`; a ``Plant``.
 
     ``q`` and ``qd``, shape ``(2 + 2 modes,)``, in the order of ``names``:
     theta1, theta2 (rad), then the coordinates of link 1 and link 2 (m); views
@@ -91,7 +92,8 @@ class FullPlant:
         return float(energy(self.constants, self.q, self.qd, self._mass, self._work)[0])
 
     def momentum(self) -> float:
-        """Return the momentum conjugate to theta1, N m s.
+        """
+        Return the momentum conjugate to theta1, N m s.
 
         Without hub inertia this is the angular momentum about the shoulder.
         """

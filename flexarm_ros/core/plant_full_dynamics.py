@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiled equations of motion of the full model.
+"""
+Compiled equations of motion of the full model.
 
 Kane's method, link by link.  A link's velocities are u = (v, w, da/dt): v the
 velocity of its start in its own axes, w the angular velocity of its frame.
@@ -49,7 +50,8 @@ Work: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def make_work(modes: int) -> Work:
-    """Return the scratch arrays of ``mass_and_bias`` and ``step``.
+    """
+    Return the scratch arrays of ``mass_and_bias`` and ``step``.
 
     (2, 6): single numbers a link; (2, N, N): F; (8, N): vectors;
     (8, 2 + 2N): the integrator's stages.
@@ -71,15 +73,17 @@ def mass_and_bias(
     force: FloatArray,
     work: Work,
 ) -> None:
-    """Fill the lower triangle of M(q) and the Coriolis and centrifugal terms.
+    """
+    Fill the lower triangle of M(q) and the Coriolis and centrifugal terms.
 
     ``mass``: (2 + 2N, 2 + 2N); ``force``: (2 + 2N,), so that
     M q'' + force + D q' + K q = (tau1, tau2, 0, ...).
     """
     single, flexible, vec, _ = work
     n = con.vectors.shape[2]
-    a, b = q[2 : 2 + n], q[2 + n :]
-    da, db = qd[2 : 2 + n], qd[2 + n :]
+    second = 2 + n  # where link 2's coordinates begin
+    a, b = q[2:second], q[second:]
+    da, db = qd[2:second], qd[second:]
     vectors, matrices = con.vectors, con.matrices
     # Motion of link 1's end, in link 1's axes.
     end_x, end_y, end_dx, end_dy, shorten2 = con.scalars[0, LENGTH], 0.0, 0.0, 0.0, 0.0
@@ -222,7 +226,8 @@ def step(
     mass: FloatArray,
     work: Work,
 ) -> tuple[float, float, float, float]:
-    """Advance ``q`` and ``qd`` in place by ``substeps`` Runge-Kutta steps of h seconds.
+    """
+    Advance ``q`` and ``qd`` in place by ``substeps`` Runge-Kutta steps of h seconds.
 
     The classical fourth-order method: error of order h^4, and for an
     undamped mode of frequency w stable while w h < 2.83.  Returns
@@ -271,7 +276,7 @@ def end_deflections(
 def energy(
     con: Constants, q: FloatArray, qd: FloatArray, mass: FloatArray, work: Work
 ) -> tuple[float, float]:
-    """Return kinetic plus elastic energy (J) and the momentum conjugate to theta1 (N m s)."""
+    """Return kinetic plus elastic energy, J, and the momentum conjugate to theta1, N m s."""
     size = q.shape[0]
     n = con.vectors.shape[2]
     mass_and_bias(con, q, qd, mass, work[3][0], work)

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiled inertia and acceleration terms of one flexible link in its own frame.
+"""
+Compiled inertia and acceleration terms of one flexible link in its own frame.
 
 Notation as in :mod:`flexarm_ros.core.plant_full_dynamics`.  With r = (x, y) the
 map of :mod:`flexarm_ros.core.plant_full_model`, x_a = -G a and y_a = phi:
@@ -59,7 +60,8 @@ def link_terms(
     bias: FloatArray,
     scratch: FloatArray,
 ) -> None:
-    """Fill one link's terms; the first five arguments are its ``Constants``.
+    """
+    Fill one link's terms; the first five arguments are its ``Constants``.
 
     ``a``, ``da`` (N,): coordinates and rates; ``w``: rate of the frame, rad/s.
     ``out`` (6,): S_x, S_y (kg m), I (kg m^2), f_v (N), f_w (N m).

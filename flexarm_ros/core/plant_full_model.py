@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The numbers of the full model: a link's integrals with its masses, packed for the compiled code.
+"""
+The numbers of the full model: a link's integrals with its masses, packed for the compiled code.
 
 A link of length L, mass m = rho L and rigidity EI, with a point mass and a
 rotary inertia at its end, seen from the frame at its own start (x along the
@@ -44,7 +45,8 @@ SPIN, MODAL, SHORT, END_SHORT = range(4)
 
 
 class Constants(NamedTuple):
-    """Both links' integrals; first axis: the link, N: ``modes``.
+    """
+    Both links' integrals; first axis: the link, N: ``modes``.
 
     ``scalars`` (2, 4): mass (kg), first moment of mass along the axis (kg m),
     moment of inertia about the start (kg m^2), all of the straight link with

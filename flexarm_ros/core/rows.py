@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One row of ``trajectory.csv`` a tick, from what is recorded of that tick.
+"""
+One row of ``trajectory.csv`` a tick, from what is recorded of that tick.
 
 The same function makes the rows of a run in one process and those of a bag, so
 that the two agree bit for bit.
@@ -60,7 +61,8 @@ class Rows:
         measured: tuple[float, float],
         torque: tuple[float, float],
     ) -> Row:
-        """Return the row of tick ``k`` in the order of :data:`COLUMNS`.
+        """
+        Return the row of tick ``k`` in the order of :data:`COLUMNS`.
 
         ``q``, ``qd`` ``(n,)``: plant coordinates and rates; ``deflection``:
         delta1, delta2 (m); ``measured``: x, y of the sensed point as delivered

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Joint encoder and tip sensor: what is measured, when, and how badly.
+"""
+Joint encoder and tip sensor: what is measured, when, and how badly.
 
 A sample delivered at tick k is the value at t_k - latency and is stamped with
 that time of measurement.  Noise and counts are those of that one reading, so
@@ -113,7 +114,8 @@ class Encoder:
         self._latency.check_seconds(seconds)
 
     def retune(self, config: RunConfig) -> None:
-        """Take the live parameters of ``config`` from the next tick on.
+        """
+        Take the live parameters of ``config`` from the next tick on.
 
         Raises ``ValueError`` for a latency beyond the history that is kept.
         """
@@ -121,7 +123,8 @@ class Encoder:
         self.resolution, self.noise_std = config.encoder.resolution, config.encoder.noise_std
 
     def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
-        """Return stamp_ns, theta1, theta2, dtheta1, dtheta2 as delivered at tick ``k``.
+        """
+        Return stamp_ns, theta1, theta2, dtheta1, dtheta2 as delivered at tick ``k``.
 
         Call once a tick, in order, with the plant's state of that tick.
         """
@@ -137,12 +140,13 @@ class Encoder:
 
 
 def _count(angle: float, resolution: float) -> float:
-    """The angle of the nearest count; rounding of halves is to even, as in IEEE 754."""
+    """Return the angle of the nearest count; halves are rounded to even, as in IEEE 754."""
     return round(angle / resolution) * resolution if abs(angle) < 1e15 * resolution else angle
 
 
 class TipSensor:
-    """The position sensor ``tip_sensor.location`` m along the arm: x, y, vx, vy in ``base``.
+    """
+    The position sensor ``tip_sensor.location`` m along the arm: x, y, vx, vy in ``base``.
 
     With ``tip_sensor.rate`` a new sample is delivered every whole number of
     ticks from tick 0 on, and held, with its own stamp, until the next.
@@ -173,7 +177,8 @@ class TipSensor:
         self._latency.check_seconds(seconds)
 
     def retune(self, config: RunConfig) -> None:
-        """Take the live parameters of ``config`` from the next tick on.
+        """
+        Take the live parameters of ``config`` from the next tick on.
 
         Raises ``ValueError`` for a latency beyond the history that is kept.
         """
@@ -181,7 +186,8 @@ class TipSensor:
         self.noise_std = config.tip_sensor.noise_std
 
     def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
-        """Return stamp_ns, x, y, vx, vy of the sensed point as delivered at tick ``k``.
+        """
+        Return stamp_ns, x, y, vx, vy of the sensed point as delivered at tick ``k``.
 
         Call once a tick, in order, with the plant's state of that tick.
         """
@@ -201,7 +207,8 @@ def further_sensors(config: RunConfig) -> tuple[TipSensor, ...]:
 
 
 def ticks_per_sample(rate: float, period_ns: int) -> int:
-    """Return the whole number of ticks between samples at ``rate`` Hz; 1 for 0.
+    """
+    Return the whole number of ticks between samples at ``rate`` Hz; 1 for 0.
 
     Raises ``ValueError`` where it is not whole, in exact arithmetic.
     """

@@ -24,7 +24,8 @@ from flexarm_ros.core.plant_full_model import link_bases
 def link_shapes(
     plant: PlantParameters, link: int, distance: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what moves the point ``distance`` m from the start of ``link`` (0 or 1).
+    """
+    Return what moves the point ``distance`` m from the start of ``link`` (0 or 1).
 
     Three arrays: the shape functions (N,), their slopes (N,) in 1/m, and the
     matrix G (N, N) in 1/m of the axial foreshortening a^T G a / 2.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Eigenvalues and factors of matrices of a few rows, the same to the last bit everywhere.
+"""
+Eigenvalues and factors of matrices of a few rows, the same to the last bit everywhere.
 
 LAPACK's last bits may change with its threads and its blocking; what these
 functions give goes into the numbers of a run, which must not.

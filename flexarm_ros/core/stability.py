@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sampled closed loop, linearised about rest at a pose of the arm.
+"""
+The sampled closed loop, linearised about rest at a pose of the arm.
 
 The loop's state is
 
@@ -56,7 +57,8 @@ CHANNELS = 4
 
 
 class SampledLoop:
-    """The closed loop of a scenario about rest at an elbow angle, over one tick.
+    """
+    The closed loop of a scenario about rest at an elbow angle, over one tick.
 
     ``theta2``, rad; theta1 is 0, since neither arm nor law knows a direction.
     ``integrator``: ``exact``, or ``rk4``, the plant's own steps.  ``compress``
@@ -88,12 +90,12 @@ class SampledLoop:
 
     @property
     def latency_ns(self) -> int:
-        """The latency of ``controller.feedback``'s sensor, which :meth:`matrix` may vary."""
+        """Return the latency of the law's sensor, which :meth:`matrix` may vary."""
         return self._latencies[NODES.index(self.config.controller.feedback)]
 
     @property
     def longest_latency_ns(self) -> int:
-        """The longest latency of that sensor that :meth:`matrix` takes."""
+        """Return the longest latency of that sensor that :meth:`matrix` takes."""
         if self.config.controller.feedback == 'tip_sensor' and self._pade:
             return NS_PER_S
         width = max(
@@ -103,11 +105,12 @@ class SampledLoop:
 
     @property
     def gain(self) -> float:
-        """The law's own gain, K_s lambda(0, 0) of (21), that ``factor`` multiplies."""
+        """Return the law's own gain, K_s lambda(0, 0) of (21), that ``factor`` multiplies."""
         return self.law.gain
 
     def matrix(self, factor: float = 1.0, latency_ns: int | None = None) -> FloatArray:
-        """Return the state's matrix over one tick, or over a slower tip sensor's sample.
+        """
+        Return the state's matrix over one tick, or over a slower tip sensor's sample.
 
         ``factor`` multiplies the torques; ``latency_ns`` takes the place of
         :attr:`latency_ns`.
@@ -125,7 +128,8 @@ class SampledLoop:
     def eigenvalues(
         self, factor: float = 1.0, latency_ns: int | None = None
     ) -> NDArray[np.complex128]:
-        """Return the eigenvalues a tick, ``(states,)``, the largest modulus first.
+        """
+        Return the eigenvalues a tick, ``(states,)``, the largest modulus first.
 
         Where a tip sample lasts several ticks they are the roots of those over them.
         """
@@ -187,11 +191,12 @@ class SampledLoop:
         return result
 
     def _split(self, law: LinearLaw, start: int) -> tuple[FloatArray, FloatArray]:
-        """Split the law's columns of a sensor: gains ``(m + 2, r)`` times combinations ``(r, 4)``.
+        """
+        Split the law's columns of a sensor: gains ``(m + 2, r)`` times combinations ``(r, 4)``.
 
         r is the rank of the columns, as small as can be.
         """
-        columns = np.vstack([law.b, law.d])[:, start : start + CHANNELS]
+        columns = np.vstack([law.b, law.d])[:, start:][:, :CHANNELS]
         if not columns.any():
             return np.zeros((len(columns), 0)), np.zeros((0, CHANNELS))
         if not self._compress:

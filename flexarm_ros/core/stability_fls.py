@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The fuzzy logic system with any odd number of functions, and other readings of its rules.
+"""
+The fuzzy logic system with any odd number of functions, and other readings of its rules.
 
 For studies only: the loop's own is :mod:`flexarm_ros.core.fls`, which is the
 case ``half`` = 1 here.  With ``half`` functions on each side of ZERO an input
@@ -55,7 +56,8 @@ def _lambda(a: float, b: float, half: int, largest: bool, strengths: FloatArray)
 
 
 class FuzzyGain:
-    """lambda as a function of the end deflections, m, with ``functions`` sets a variable.
+    """
+    lambda as a function of the end deflections, m, with ``functions`` sets a variable.
 
     Raises ``ValueError`` for an even number, fewer than three, or an unknown rule.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Control laws about rest: what they make of small deviations.
+"""
+Control laws about rest: what they make of small deviations.
 
 The arm rests with straight links and the reference is constant at its tip, so
 that no force acts: the derivative of J^T multiplies nothing, and (20) and (21)
@@ -44,7 +45,8 @@ class NoLinearFormError(ValueError):
 
 @dataclass(frozen=True)
 class LinearLaw:
-    """A law about rest: s+ = a s + b u, tau = c s + d u, deviations from equilibrium.
+    """
+    A law about rest: s+ = a s + b u, tau = c s + d u, deviations from equilibrium.
 
     ``a`` ``(m, m)``, ``b`` ``(m, i)``, ``c`` ``(2, m)``, ``d`` ``(2, i)``; u
     has i = 2 n + 8 entries: the plant's n coordinates and n rates of this
@@ -71,7 +73,8 @@ class LinearLaw:
 
 
 def linear_law(config: RunConfig, arm: LinearArm) -> LinearLaw:
-    """Return the law of ``config`` about rest at ``arm``'s pose.
+    """
+    Return the law of ``config`` about rest at ``arm``'s pose.
 
     A law other than (20) and (21) takes part by a class method
     ``linear_form(config, arm) -> LinearLaw``.  Raises NoLinearFormError for one
@@ -97,19 +100,19 @@ def _jacobian_law(config: RunConfig, arm: LinearArm) -> FloatArray:
     whole = sum(config.plant.length)
     j11, j12, j21, j22 = jacobian(config.plant.length, arm.theta1, arm.theta2, whole)
     tip = np.array([[j11, j12], [j21, j22]])
-    position, rate = np.zeros((2, 2 * size + 8)), np.zeros((2, 2 * size + 8))
-    encoder, sensor = 2 * size, 2 * size + 4
+    # Columns: q, q', the encoder's angles and rates, the sensor's place and velocity.
+    position, rate = np.zeros((2, 2, 2 * size + 8))
+    joint_rates = slice(size, size + 2)
     if controller.feedback == 'encoder':
-        position[:, encoder : encoder + 2] = tip
-        rate[:, encoder + 2 : encoder + 4] = tip
+        position[:, -8:-6] = rate[:, -6:-4] = tip
     else:
         # The rest of link 2 is carried on at this tick's joint angles.
         rest = max(whole - config.tip_sensor.location, 0.0)
         angle = arm.theta1 + arm.theta2
         carried = np.outer([-rest * math.sin(angle), rest * math.cos(angle)], [1.0, 1.0])
-        position[:, sensor : sensor + 2] = rate[:, sensor + 2 :] = np.eye(2)
-        position[:, :2] = rate[:, size : size + 2] = carried
+        position[:, -4:-2] = rate[:, -2:] = np.eye(2)
+        position[:, :2] = rate[:, joint_rates] = carried
     if controller.velocity_source == 'encoder':
         rate[:] = 0.0
-        rate[:, size : size + 2] = tip
+        rate[:, joint_rates] = tip
     return np.asarray(-tip.T @ (controller.kp * position + controller.kd * rate))

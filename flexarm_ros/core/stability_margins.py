@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Margins of the sampled loop at poses along the trajectory.
+"""
+Margins of the sampled loop at poses along the trajectory.
 
 All are found on the eigenvalues themselves: a margin is where the largest
 modulus passes 1, searched in steps and refined by bisection.  A window
@@ -56,7 +57,8 @@ class Pose:
 
 @dataclass(frozen=True)
 class PoseStability:
-    """The loop about rest at one pose, with one gain.
+    """
+    The loop about rest at one pose, with one gain.
 
     ``gain``: K_s lambda of (21), 1 for (20).  ``modulus``: of the largest
     eigenvalue a tick, with its growth rate ln(modulus) / T, 1/s, and its
@@ -105,7 +107,8 @@ def analyse(
     max_latency_s: float = MAX_LATENCY_S,
     integrator: str = 'exact',
 ) -> PoseStability:
-    """Return stability and margins at ``pose``; ``gain`` takes the place of the law's own.
+    """
+    Return stability and margins at ``pose``; ``gain`` takes the place of the law's own.
 
     Raises NoLinearFormError, and ``ValueError`` for a latency of too many
     ticks; the search for the crossing delay stops at that limit.
@@ -142,7 +145,8 @@ def is_stable(loop: SampledLoop, factor: float = 1.0, latency_ns: int | None = N
 
 
 def crossing_ns(loop: SampledLoop, factor: float, limit_ns: int) -> int | None:
-    """Return the smallest latency, ns, at which the loop is unstable; ``None`` up to the limit.
+    """
+    Return the smallest latency, ns, at which the loop is unstable; ``None`` up to the limit.
 
     To the microsecond, or a thousandth of a tick where that is longer.
     """
@@ -168,7 +172,8 @@ def crossing_ns(loop: SampledLoop, factor: float, limit_ns: int) -> int | None:
 
 
 def gain_range(loop: SampledLoop, factor: float) -> tuple[float | None, float | None]:
-    """Return the stable range of factors around ``factor``, or the next one below it.
+    """
+    Return the stable range of factors around ``factor``, or the next one below it.
 
     ``None``: an end more than :data:`GAIN_SPAN` away; both, if ``factor`` is
     unstable: no stable range down to there.
@@ -203,7 +208,8 @@ def _boundary(loop: SampledLoop, first: float, second: float) -> float:
 
 
 def poses_along(config: RunConfig, count: int = 7) -> list[Pose]:
-    """Return up to ``count`` poses of the flown trajectory, evenly spread in theta2.
+    """
+    Return up to ``count`` poses of the flown trajectory, evenly spread in theta2.
 
     The loop's eigenvalues depend on theta2 alone.  theta2 >= 0.
     """

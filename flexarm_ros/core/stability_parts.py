@@ -28,7 +28,8 @@ from scipy.linalg import expm
 def hold_matrices(
     arm: LinearArm, period: float, substeps: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return A ``(2n, 2n)`` and B ``(2n, 2)`` of one tick of ``period`` s with the torques held.
+    """
+    Return A ``(2n, 2n)`` and B ``(2n, 2)`` of one tick of ``period`` s with the torques held.
 
     Exact (Astrom and Wittenmark, Computer-Controlled Systems, 3rd edition,
     section 2.3), or with ``substeps`` the result of that many classical
@@ -50,7 +51,8 @@ def hold_matrices(
 
 @dataclass(frozen=True)
 class DelayLine:
-    """A delay as h+ = a h + b y, delivered = c h + d y.
+    """
+    A delay as h+ = a h + b y, delivered = c h + d y.
 
     For ``w`` channels and l states each: ``a`` ``(l w, l w)``, ``b`` ``(l w, w)``,
     ``c`` ``(w, l w)``, ``d`` ``(w, w)``; the channels of one age stand together.
@@ -76,7 +78,8 @@ def line_length(period_ns: int, latency_ns: int) -> int:
 
 
 def buffer_line(period_ns: int, latency_ns: int) -> DelayLine:
-    """Return the one channel's line of :class:`flexarm_ros.core.delay.BufferDelay`.
+    """
+    Return the one channel's line of :class:`flexarm_ros.core.delay.BufferDelay`.
 
     States: the samples of the ticks before, the newest first.  A latency of
     w + p ticks, 0 <= p < 1, weighs the samples of age w and w + 1 with 1 - p and p.
@@ -92,7 +95,8 @@ def buffer_line(period_ns: int, latency_ns: int) -> DelayLine:
 
 
 def pade_line(period_ns: int, latency_ns: int) -> DelayLine:
-    """Return the one channel's line of :class:`flexarm_ros.core.delay.PadeDelay`.
+    """
+    Return the one channel's line of :class:`flexarm_ros.core.delay.PadeDelay`.
 
     States: its z1, z2 and the last input.
     """

@@ -29,7 +29,8 @@ NS_PER_S = 1_000_000_000
 
 
 def seconds_to_ns(seconds: float) -> int:
-    """Return ``seconds`` as whole nanoseconds, exactly as its decimal text says.
+    """
+    Return ``seconds`` as whole nanoseconds, exactly as its decimal text says.
 
     Raises ``ValueError`` where the text times 1e9 is not an integer, or where
     ``seconds`` is not finite: nothing is ever rounded.
@@ -53,7 +54,8 @@ class Timeline:
 
     @classmethod
     def of(cls, run: RunParameters) -> Timeline:
-        """Return the timeline of a run.
+        """
+        Return the timeline of a run.
 
         Raises ``ValueError``, naming the key, where a time is not a whole
         number of nanoseconds or the duration not a whole number of ticks.
@@ -71,12 +73,12 @@ class Timeline:
 
     @property
     def period(self) -> float:
-        """The tick in seconds, for formulas only."""
+        """Return the tick in seconds, for formulas only."""
         return self.period_ns / NS_PER_S
 
     @property
     def duration_ns(self) -> int:
-        """The whole run in nanoseconds."""
+        """Return the whole run in nanoseconds."""
         return self.period_ns * self.ticks
 
     def stamp_ns(self, k: int) -> int:

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The commanded motion of the end effector: square, hold and way points.
+"""
+The commanded motion of the end effector: square, hold and way points.
 
 A trajectory is a path of straight sides, each with its own time.  At a way
 point the velocity is already that of the side that begins there.  The delayed
@@ -127,7 +128,8 @@ def _corner(side: Side, offset_ns: int) -> Switch:
 
 
 def rest_to_rest(part: float) -> tuple[float, float, float]:
-    """Return share of the way, its rate and second rate at ``part`` of the time, 0 to 1.
+    """
+    Return share of the way, its rate and second rate at ``part`` of the time, 0 to 1.
 
     The septic 35 p^4 - 84 p^5 + 70 p^6 - 20 p^7: velocity, acceleration and
     jerk vanish at both ends.
@@ -217,7 +219,8 @@ class Reference:
         return self.path.at(k * self._period_ns)
 
     def command(self, k: int) -> tuple[float, float, float, float]:
-        """Return x, y, vx, vy of ``trajectory.delay`` ago: what the controller is told.
+        """
+        Return x, y, vx, vy of ``trajectory.delay`` ago: what the controller is told.
 
         Before the start: the start position with zero velocity.
         """
@@ -236,7 +239,8 @@ class Reference:
 
 
 def initial_angles(config: RunConfig) -> tuple[float, float]:
-    """Return the joint angles of the start, rad: as given, or on the reference.
+    """
+    Return the joint angles of the start, rad: as given, or on the reference.
 
     On the reference, the branch with theta2 >= 0 is taken.  Raises
     ``ValueError``, naming the key, where the reference starts out of reach.
@@ -251,7 +255,8 @@ def initial_angles(config: RunConfig) -> tuple[float, float]:
 
 
 def check_reachable(config: RunConfig) -> None:
-    """Raise ``ValueError``, naming the key, where a point of the path is out of reach.
+    """
+    Raise ``ValueError``, naming the key, where a point of the path is out of reach.
 
     The whole path counts, whether or not the run is long enough to fly it.
     """
@@ -267,7 +272,7 @@ def check_reachable(config: RunConfig) -> None:
 
 
 def _nearest(side: Side) -> tuple[float, float]:
-    """The point of a side that is nearest to the shoulder."""
+    """Return the point of a side that is nearest to the shoulder."""
     square = side.dx * side.dx + side.dy * side.dy
     part = -(side.x * side.dx + side.y * side.dy) / square if square > 0.0 else 0.0
     part = min(1.0, max(0.0, part))

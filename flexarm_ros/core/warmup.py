@@ -23,7 +23,8 @@ from flexarm_ros.core.rows import Rows
 
 
 def warm_up(config: RunConfig) -> None:
-    """Call every compiled function of the loop of ``config`` once, on a loop of its own.
+    """
+    Call every compiled function of the loop of ``config`` once, on a loop of its own.
 
     Raises ``ValueError`` as :class:`ClosedLoop` does for a bad ``config``.
     """

@@ -37,7 +37,8 @@ class NoDomainError(RuntimeError):
 
 @contextmanager
 def reserved_domain(wanted: int | None = None) -> Iterator[int]:
-    """Yield a domain: ``wanted`` if given, else a free one that is locked for the while.
+    """
+    Yield a domain: ``wanted`` if given, else a free one that is locked for the while.
 
     A lock file for each domain keeps two runs of this package apart; a look at
     the domain's discovery ports keeps clear of other ROS programs.  Raises

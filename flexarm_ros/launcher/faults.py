@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults of a suite's case: done to a node's process at an exact tick.
+"""
+Faults of a suite's case: done to a node's process at an exact tick.
 
 The plant holds the run before the tick (its parameter ``hold_at``) until the
 fault has been done, so that the same tick is hit every time.

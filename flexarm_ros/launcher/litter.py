@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Shared memory that killed nodes leave behind, and its removal.
+"""
+Shared memory that killed nodes leave behind, and its removal.
 
 Fast DDS keeps a segment and a port for each participant in ``/dev/shm`` and
 holds a lock on a file beside each (``fastdds_HEX_el``, ``fastdds_portN_el``)

@@ -195,7 +195,8 @@ class NodeProcesses:
             process.send_signal(signal.SIGTERM)
 
     def end(self, grace_s: float = END_GRACE_S) -> None:
-        """Wait for the nodes to leave; those that do not are told to, then killed.
+        """
+        Wait for the nodes to leave; those that do not are told to, then killed.
 
         One that was stopped is woken: it then leaves, and removes its shared memory.
         """
@@ -220,7 +221,8 @@ class NodeProcesses:
         self._litter.remove()
 
     def blame(self, interrupted: bool = False) -> str:
-        """Return one line naming who ended the run, the tick and why; empty if nobody.
+        """
+        Return one line naming who ended the run, the tick and why; empty if nobody.
 
         Where the user ``interrupted`` it, the nodes say so too: that is no fault of theirs.
         """

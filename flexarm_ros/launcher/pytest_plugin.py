@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pytest plugin: fly scenarios and suites from a test, with nodes of your own in the loop.
+"""
+Pytest plugin: fly scenarios and suites from a test, with nodes of your own in the loop.
 
 It is there wherever this package is installed (entry point ``pytest11``), and
 costs nothing until a test asks for one of its fixtures.  See docs/testing.md.
@@ -39,7 +40,8 @@ Command = Sequence[str | Path]
 
 @dataclass(frozen=True)
 class Flight:
-    """One run as a test sees it; ``flight["max_error"]`` is a key of ``summary.json``.
+    """
+    One run as a test sees it; ``flight["max_error"]`` is a key of ``summary.json``.
 
     ``directory`` has the bag, ``summary.json``, ``trajectory.csv`` and the logs;
     ``problem`` is one line, empty where all went well.
@@ -59,7 +61,7 @@ class Flight:
 
     @property
     def trajectory(self) -> dict[str, FloatArray]:
-        """The columns of ``trajectory.csv``: one value a tick, shape ``(ticks,)``."""
+        """Return the columns of ``trajectory.csv``: one value a tick, shape ``(ticks,)``."""
         import numpy as np
 
         with open(self.directory / 'trajectory.csv', encoding='ascii') as file:
@@ -80,13 +82,15 @@ class Flight:
 
 @pytest.fixture
 def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
-    """Fly a scenario: ``flexarm_run(scenario, settings, nodes={"controller": [...]})``.
+    """
+    Return a function that flies a scenario.
 
-    ``scenario`` is a file or the name of a shipped one, ``settings`` maps keys
-    such as ``duration`` or ``plant.payload_mass`` to values, ``nodes`` maps the
-    roles that your own nodes take to their commands, ``mode`` is ``run`` (a
-    process each), ``compose`` or ``simulate``.  Each run has a ROS domain of
-    its own, so tests may run side by side.
+    ``flexarm_run(scenario, settings, nodes={"controller": [...]})``: ``scenario``
+    is a file or the name of a shipped one, ``settings`` maps keys such as
+    ``duration`` or ``plant.payload_mass`` to values, ``nodes`` maps the roles that
+    your own nodes take to their commands, ``mode`` is ``run`` (a process each),
+    ``compose`` or ``simulate``.  Each run has a ROS domain of its own, so tests may
+    run side by side.
     """
     count = 0
 
@@ -108,9 +112,11 @@ def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
 
 @pytest.fixture
 def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
-    """Fly a suite: ``assert not flexarm_suite("suite.yaml").failures()``.
+    """
+    Return a function that flies a suite.
 
-    ``nodes`` as in `flexarm_run`: they take part in every case but the simulated ones.
+    ``assert not flexarm_suite("suite.yaml").failures()``; ``nodes`` as in
+    `flexarm_run`: they take part in every case but the simulated ones.
     """
 
     def fly(

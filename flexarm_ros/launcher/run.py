@@ -45,7 +45,8 @@ LEAVING_S = 5.0
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How to run, apart from what to run.
+    """
+    How to run, apart from what to run.
 
     ``rtf`` holds the run to a multiple of real time (0: as fast as it goes);
     ``domain`` is None for a free one; ``without`` lists roles that somebody
@@ -90,7 +91,8 @@ def run_scenario(
     stop: Callable[[], bool] = lambda: False,
     faults: FaultPlan | None = None,
 ) -> Outcome:
-    """Fly ``config`` as ROS 2 nodes and return how it went.
+    """
+    Fly ``config`` as ROS 2 nodes and return how it went.
 
     ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
     says True the run is ended in good order.  Raises NoDomainError, OSError or

@@ -115,7 +115,8 @@ def run_suite(
     stop: Callable[[], bool] = lambda: False,
     nodes: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> SuiteResult:
-    """Fly every case below ``out`` and judge the suite.
+    """
+    Fly every case below ``out`` and judge the suite.
 
     ``watch(case, text)`` is called from the cases' threads as they go.  ``nodes``
     has the commands of somebody else's nodes, by role: they take part in every

@@ -35,7 +35,8 @@ def dump_sections(config: RunConfig, role: str) -> str:
 
 
 def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
-    """Return ``own`` with each peer's section as the peer told it.
+    """
+    Return ``own`` with each peer's section as the peer told it.
 
     ``told`` maps a role to its node's name and its sections as JSON.  Raises
     Disagreement where a common parameter differs, or where what a node told is
@@ -60,7 +61,8 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
 
 
 def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
-    """Return the scenario that the nodes tell, for somebody who has none; ``own`` fills gaps.
+    """
+    Return the scenario that the nodes tell, for somebody who has none; ``own`` fills gaps.
 
     ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
     travel in no status: the law then counts as one without lambda.

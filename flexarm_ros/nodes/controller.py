@@ -19,6 +19,7 @@ from __future__ import annotations
 import copy
 from typing import ClassVar
 
+from flexarm_ros.bag.topics import split_state
 from flexarm_ros.core.control import make_law, Sample
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.participant import Participant
@@ -59,9 +60,8 @@ class ControllerNode(Participant):
         return True
 
     def _sample(self) -> Sample:
-        state, n = self._state.values, self._n
         return Sample(
-            state[:n], state[n + 2 : 2 * n + 2], state[n : n + 2],
+            *split_state(self._state.values, self._n),
             self._encoder.values, self._tip.values, self._reference.values,
         )  # fmt: skip
 

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``/diagnostics``: how each participant of a run is doing, once a second of wall time.
+"""
+``/diagnostics``: how each participant of a run is doing, once a second of wall time.
 
 Every node reports on itself, from the thread that serves parameters, so that
 no tick waits for it: phase and tick, how fast it goes, how long it waited at

@@ -19,6 +19,7 @@ from __future__ import annotations
 import copy
 from typing import ClassVar
 
+from flexarm_ros.bag.topics import split_state
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.sensors import Encoder
 from flexarm_ros.nodes.participant import Participant
@@ -52,9 +53,8 @@ class EncoderNode(Participant):
         """Measure the state of this tick."""
         if not self.have(self._state):
             return False
-        state = self._state.values
-        n = self._n
-        self._measured.send(*self._encoder.measure(self.tick, state[:n], state[n + 2 : 2 * n + 2]))
+        q, qd, _ = split_state(self._state.values, self._n)
+        self._measured.send(*self._encoder.measure(self.tick, q, qd))
         self.tick += 1
         self.check_end()
         return True

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishers and subscriptions of the hot path, outside rclpy's executors.
+"""
+Publishers and subscriptions of the hot path, outside rclpy's executors.
 
 An rclpy executor costs 50 us a message more than the DDS hop itself, so the
 lock-step loop waits on one wait set and takes serialized bytes itself.  The

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Starting a run again in the same graph: every node at tick 0, no old message taken.
+"""
+Starting a run again in the same graph: every node at tick 0, no old message taken.
 
 The plant announces a new epoch by its status.  Each node then delivers what it
 has sent, rebuilds its part and says so; when it sees that all have, the last

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who reads what: the node graph of a run.
+"""
+Who reads what: the node graph of a run.
 
 The per-tick topics themselves, with their types and publishers, are in
 `flexarm_ros.bag.topics`; this table adds their readers.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters that may change while a run goes on: checked at once, set at a tick boundary.
+"""
+Parameters that may change while a run goes on: checked at once, set at a tick boundary.
 
 ``ros2 param set`` is answered on the thread that serves parameters, after the
 value has been checked as one in a scenario is.  The lock-step loop takes it up

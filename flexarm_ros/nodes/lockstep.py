@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The hot path of a run: inputs by tick, outputs as bytes, and the loop that drives them.
+"""
+The hot path of a run: inputs by tick, outputs as bytes, and the loop that drives them.
 
 Tick k of a run is at ``T0 + k T``.  A participant advances when it has every
 input of its next tick; nothing here looks at the wall clock but the limits on
@@ -47,7 +48,8 @@ _MOST_MESSAGES = 2000
 
 
 class RunFailed(Exception):
-    """The run cannot go on; ``blame`` is the role held responsible.
+    """
+    The run cannot go on; ``blame`` is the role held responsible.
 
     ``told_by`` is the role that found it out, where it was not this node.
     """
@@ -93,7 +95,8 @@ class Output:
 
 
 class Input:
-    """One per-tick topic that this node reads, in the order of ticks.
+    """
+    One per-tick topic that this node reads, in the order of ticks.
 
     The middleware's queue is the only queue: a message is taken when its tick
     is due.  ``expect`` gives the stamp that the message of a tick must carry
@@ -144,7 +147,8 @@ class Input:
         self.reset()
 
     def fetch(self, tick: int) -> bool:
-        """Take messages until that of ``tick`` is here; False where it has not come yet.
+        """
+        Take messages until that of ``tick`` is here; False where it has not come yet.
 
         Raises `RunFailed` on a message that is none of the run's, unless the
         parameter ``on_invalid`` says to pass over it.
@@ -209,7 +213,8 @@ class Input:
                 self._participant.invalid_message(self.topic.name, self._unwanted)
 
     def bind(self, endpoints: Sequence[Any], foreign: bool) -> None:
-        """Accept messages of the one publisher in ``endpoints`` only.
+        """
+        Accept messages of the one publisher in ``endpoints`` only.
 
         One of somebody else's (``foreign``) may send a measurement twice, which its
         stamp tells, unless the sensor holds samples for some ticks.
@@ -220,7 +225,8 @@ class Input:
 
 
 def connect(participants: Sequence[Participant]) -> None:
-    """Let the participants of one process hand their messages to one another.
+    """
+    Let the participants of one process hand their messages to one another.
 
     As with intra-process communication in rclcpp, a message then goes through
     the middleware only while somebody else listens; it is serialized and judged

@@ -61,7 +61,8 @@ class Membership:
         return dump_sections(self._me.config, self._me.ROLE)
 
     def status_of(self, role: str) -> Status | None:
-        """Return the status of a role's holder, None where there is none.
+        """
+        Return the status of a role's holder, None where there is none.
 
         The holder is whoever was there when this node became ready; before, of
         those who are there, the one that was first.  This node's own role has no
@@ -134,7 +135,8 @@ class Membership:
         raise RunFailed(self._me.ROLE, f'refused: {why}')
 
     def _somebody_is_silent(self, now: float) -> bool:
-        """Whether somebody in the graph has not said yet who he is, and may still do so.
+        """
+        Whether somebody in the graph has not said yet who he is, and may still do so.
 
         It may be another holder of this node's role, whose status is on its way.
         """
@@ -159,7 +161,8 @@ class Membership:
         return True
 
     def _listening(self, role: str, strangers: list[Any]) -> bool:
-        """Whether these publishers' node reads what ``role`` answers, as far as the graph shows.
+        """
+        Whether these publishers' node reads what ``role`` answers, as far as the graph shows.
 
         Discovery shows a node's publishers before its subscriptions: to begin
         in between would cost it the first message.
@@ -186,7 +189,8 @@ class Membership:
         ]
 
     def _merge(self) -> RunConfig:
-        """Return the scenario made of every participant's own section.
+        """
+        Return the scenario made of every participant's own section.
 
         Raises RunFailed where two nodes disagree on what they share.
         """

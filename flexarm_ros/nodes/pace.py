@@ -25,7 +25,8 @@ _LOOK_S = 0.1
 
 
 class Pace:
-    """Holds a replay to a multiple of real time; steered from other threads.
+    """
+    Holds a replay to a multiple of real time; steered from other threads.
 
     ``stopped`` is asked often and ends every wait.  ``rate`` 0 is as fast as
     it goes.
@@ -64,7 +65,8 @@ class Pace:
             self._wake.notify_all()
 
     def wait(self, seconds: float) -> None:
-        """Wait until a tick is due that lies ``seconds`` of simulated time behind the last.
+        """
+        Wait until a tick is due that lies ``seconds`` of simulated time behind the last.
 
         The first tick, and the first after a pause, are due at once.
         """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""ROS parameters of a node: declared from the table of keys, checked as a scenario is.
+"""
+ROS parameters of a node: declared from the table of keys, checked as a scenario is.
 
 A node reads the whole parameter file it is given, as `flexarm simulate` does,
 because it needs its neighbours' parameters too (the controller the link
@@ -34,11 +35,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 import yaml
 
-OF_ROS = ('qos_overrides.', 'use_sim_time', 'start_type_description')
-"""Parameters that every node has."""
-
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
+
+OF_ROS = ('qos_overrides.', 'use_sim_time', 'start_type_description')
+"""Parameters that every node has."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,8 @@ def parameter_files(argv: list[str]) -> list[str]:
 
 
 def assignments(argv: list[str], node: str) -> Iterator[tuple[str, str]]:
-    """Yield ``(name, YAML value)`` of each ``-p [NODE:]NAME:=VALUE`` that is meant for ``node``.
+    """
+    Yield ``(name, YAML value)`` of each ``-p [NODE:]NAME:=VALUE`` that is meant for ``node``.
 
     They are read here and not from rclpy, where a file's own section for the
     node would win over them, and a rule for a node by name misses one that is
@@ -106,7 +108,8 @@ def assignments(argv: list[str], node: str) -> Iterator[tuple[str, str]]:
 
 
 def declare_and_load(node: Participant, role: str, argv: list[str]) -> RunConfig:
-    """Declare the parameters of ``role`` on ``node`` and return the checked scenario.
+    """
+    Declare the parameters of ``role`` on ``node`` and return the checked scenario.
 
     Raises ScenarioError where a file or an override is not allowed.
     """
@@ -131,7 +134,8 @@ def _overrides(own: dict[str, str], node: Participant, role: str) -> Iterator[st
 
 
 def declare_own(node: Node, role: str, parameters: Map[str, Own], argv: list[str]) -> None:
-    """Declare what only this node has, and no scenario.
+    """
+    Declare what only this node has, and no scenario.
 
     Raises ScenarioError where the command line gives one that is not allowed.
     """

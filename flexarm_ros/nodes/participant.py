@@ -48,7 +48,8 @@ def describe(error: BaseException) -> str:
 
 
 class Participant(Node):
-    """A node that takes part in a lock-step run under a role.
+    """
+    A node that takes part in a lock-step run under a role.
 
     A subclass names its ``ROLE``, builds its part of the core in `build` and
     does one step of its work in `advance`, which returns False when it lacks
@@ -141,7 +142,8 @@ class Participant(Node):
         self.change_phase(Phase.RUNNING, extra=self.epochs.extra())
 
     def have(self, *entries: Input) -> bool:
-        """Whether each of these inputs has its message of ``self.tick``.
+        """
+        Whether each of these inputs has its message of ``self.tick``.
 
         The first that has not is what this node then sleeps on: give the one
         that comes last first, and a tick costs one wake-up.
@@ -302,7 +304,8 @@ class Participant(Node):
         return plant is not None and plant.phase not in (Phase.JOINING, Phase.READY)
 
     def patience_s(self) -> float:
-        """Return wall time beyond the tick limit before this node gives its verdict.
+        """
+        Return wall time beyond the tick limit before this node gives its verdict.
 
         The node nearest to the missing answer speaks first: the controller
         knows which sensor is silent, the plant only that there is no torque.
@@ -355,7 +358,8 @@ class Participant(Node):
             self.get_logger().warning(f'{self.invalid} invalid messages in all')
 
     def flush(self) -> None:
-        """Wait until every reader has this node's messages, four seconds at the longest.
+        """
+        Wait until every reader has this node's messages, four seconds at the longest.
 
         A lost message is asked for at the next heartbeat, which Fast DDS sends every
         three seconds; a user who ends the run does not wait that long.
@@ -398,7 +402,8 @@ class Participant(Node):
         self.diagnostics.tell()
 
     def invalid_message(self, topic: str, fault: str) -> None:
-        """Count a message that is none of the run's, and end the run if so configured.
+        """
+        Count a message that is none of the run's, and end the run if so configured.
 
         Raises `RunFailed` where ``on_invalid`` is ``error``.
         """

@@ -98,9 +98,9 @@ class PlantNode(Participant):
         elif now - self._moved > self.config.run.start_timeout:
             late = self.membership.not_ready()
             raise RunFailed(
-                late[0], f"start: {', '.join(late)} not ready within "
-                f"{self.config.run.start_timeout:g} s",
-            )  # fmt: skip
+                late[0],
+                f'start: {", ".join(late)} not ready within {self.config.run.start_timeout:g} s',
+            )
 
     def advance(self) -> bool:
         """Integrate with the torque that answers the last state, then publish the next one."""

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node ``player``: publishes a recorded run again, ``/clock`` included.
+"""
+Node ``player``: publishes a recorded run again, ``/clock`` included.
 
 With ``without: controller`` it plays the plant and the sensors in lock-step and
 leaves the torque to a controller of the user's: each tick goes out when the
@@ -52,7 +53,8 @@ _UNACKED = 250
 
 
 class PlayerNode(Node):
-    """Plays one bag; see the module's text for its parameters and services.
+    """
+    Plays one bag; see the module's text for its parameters and services.
 
     ``stop_signal`` (0: none came) ends the replay within a tenth of a second.
     """
@@ -143,7 +145,8 @@ class PlayerNode(Node):
     # --- playing ----------------------------------------------------------------------
 
     def play(self) -> None:
-        """Publish the run; returns at its end, or when it is stopped.
+        """
+        Publish the run; returns at its end, or when it is stopped.
 
         Raises RunFailed where a controller that was waited for did not answer,
         BagError where the bag is damaged or has nothing to play.
@@ -208,7 +211,8 @@ def _answer(response: Any, text: str, success: bool = True) -> Any:
 
 
 def play(argv: list[str]) -> int:
-    """Run the player with a ROS command line.
+    """
+    Run the player with a ROS command line.
 
     Returns 0 done; 1 the bag is damaged or the controller did not answer; 2
     bad usage, before anything is published; 130 or 143 after a signal.

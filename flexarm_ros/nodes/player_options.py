@@ -59,7 +59,8 @@ class PlayerOptions:
 
 
 def declare(node: Node, argv: list[str]) -> PlayerOptions:
-    """Declare the parameters on ``node`` and return their values.
+    """
+    Declare the parameters on ``node`` and return their values.
 
     Integers are taken where a number is due.  Raises PlayerError, one line.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How far a node has come, told on a side channel: a tick number now and then.
+"""
+How far a node has come, told on a side channel: a tick number now and then.
 
 Nobody waits for these at a tick.  The plant tells the trajectory how far the
 run is, the recorder tells the plant how much is in the bag.

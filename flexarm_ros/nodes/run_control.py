@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run control as simulators have it: pause, step, reset, speed, state.
+"""
+Run control as simulators have it: pause, step, reset, speed, state.
 
 The services are in the plant, which alone decides when a tick begins:
 ``~/pause`` (std_srvs/SetBool), ``~/step``, ``~/reset`` and ``~/state``
@@ -154,7 +155,7 @@ class RunControl:
         """Whether the plant has left its run."""
         return self._plant.finished
 
-    def quit(self) -> None:
+    def end(self) -> None:
         """End the run in good order, as Ctrl-C does."""
         self._plant.interrupted += 1
 

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The standard services of simulation_interfaces, where that package is installed.
+"""
+The standard services of simulation_interfaces, where that package is installed.
 
 ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
 ``step_simulation`` and ``reset_simulation``, with the results that the
@@ -121,7 +122,7 @@ class StandardServices:
     def _enter(self, wanted: int) -> str:
         """Go to a state; return what went wrong."""
         if wanted == self._states.STATE_QUITTING:
-            self._control.quit()
+            self._control.end()
             return ''
         self._control.pause(wanted != self._states.STATE_PLAYING)
         problem = self._control.reset() if wanted == self._states.STATE_STOPPED else ''

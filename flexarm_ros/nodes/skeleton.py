@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rigid skeleton: a URDF, and where its frames are for given joint angles.
+"""
+The rigid skeleton: a URDF, and where its frames are for given joint angles.
 
 The joints have the names that ``joint_states`` uses, so that
 robot_state_publisher moves the skeleton too.  Frames: ``base`` at the

@@ -35,7 +35,8 @@ _FOREIGN_GRACE_S = 1.0
 
 
 class ControllerSeat:
-    """The seat that the player leaves empty: waits for the controller and for its torques.
+    """
+    The seat that the player leaves empty: waits for the controller and for its torques.
 
     The player stands in for every other role of the run, so that a controller
     node of this package joins as in a live run; any other node that publishes

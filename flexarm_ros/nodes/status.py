@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the participants of a run tell one another: who is there, and how it goes.
+"""
+What the participants of a run tell one another: who is there, and how it goes.
 
 Every node publishes a latched ``diagnostic_msgs/DiagnosticStatus`` on
 ``lockstep/status`` whenever its phase changes: ``name`` is its role,
@@ -196,7 +197,8 @@ class Board:
             self.others[status.identity] = status
 
     def forget_the_gone(self) -> None:
-        """Drop participants whose status publisher was in the graph and has left it.
+        """
+        Drop participants whose status publisher was in the graph and has left it.
 
         A message may come before the graph shows its publisher.
         """

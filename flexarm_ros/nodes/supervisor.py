@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The line to the launcher: reports go up a pipe, its end means that it is gone.
+"""
+The line to the launcher: reports go up a pipe, its end means that it is gone.
 
 A node that `flexarm run` starts inherits two pipe ends, named in the
 environment: it writes one JSON object a line to the first, and the second is
@@ -55,7 +56,8 @@ class Supervisor:
         return bool(readable)
 
     def report(self, role: str, **facts: Any) -> None:
-        """Send one line; a launcher that has gone is noticed elsewhere.
+        """
+        Send one line; a launcher that has gone is noticed elsewhere.
 
         The pipe is full where the launcher is stopped (Ctrl-Z): a line of mere
         progress is then dropped, another waits for a second.

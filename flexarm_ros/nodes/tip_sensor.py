@@ -19,7 +19,7 @@ from __future__ import annotations
 import copy
 from typing import ClassVar
 
-from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.bag.topics import per_tick_topics, split_state
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.sensors import further_sensors, TipSensor
 from flexarm_ros.nodes.participant import Participant
@@ -27,7 +27,8 @@ import numpy as np
 
 
 class TipSensorNode(Participant):
-    """Answers each plant state with the measured point, late by the latency.
+    """
+    Answers each plant state with the measured point, late by the latency.
 
     Those at ``tip_sensor.more_locations`` answer behind it, when the loop has its own.
     """
@@ -66,9 +67,7 @@ class TipSensorNode(Participant):
         """Measure the state of this tick."""
         if not self.have(self._state):
             return False
-        state = np.array(self._state.values)
-        n = self._n
-        q, qd = state[:n], state[n + 2 : 2 * n + 2]
+        q, qd, _ = split_state(np.array(self._state.values), self._n)
         for sensor, output in zip(self._sensors, self._measured, strict=True):
             output.send(*sensor.measure(self.tick, q, qd))
         self.tick += 1

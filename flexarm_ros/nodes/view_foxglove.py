@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A live view for Foxglove and Lichtblick: the WebSocket server of foxglove-sdk.
+"""
+A live view for Foxglove and Lichtblick: the WebSocket server of foxglove-sdk.
 
 The package is an optional extra (``pip install 'flexarm_ros[view]'``) and is
 imported only here.  ``assets/flexarm.foxglove.json`` is the layout.
@@ -47,7 +48,8 @@ def layout() -> Path:
 
 
 class FoxgloveView:
-    """Shows frames to whoever connects to ``ws://HOST:PORT``.
+    """
+    Shows frames to whoever connects to ``ws://HOST:PORT``.
 
     ``port`` 0 takes a free one.  Raises ViewError where foxglove-sdk is not
     installed or the port is taken.
@@ -101,7 +103,7 @@ class FoxgloveView:
         self._numbers.log(frame.numbers(), log_time=stamp)
 
     def _lines(self, frame: Frame, scene: Scene) -> Iterable[Any]:
-        first, second = frame.line[: frame.elbow + 1], frame.line[frame.elbow :]
+        first, second = frame.links
         for points, thickness, color in (
             (first, 0.08, BLUE), (second, 0.08, ORANGE), (scene.path, 0.03, PINK),
             (scene.trail, 0.03, ORANGE),

@@ -67,7 +67,7 @@ class RosView:
 
 def markers(frame: Frame, scene: Scene) -> Iterable[Marker]:
     """Yield the markers of a frame: the links, the trails, tip, sensed point and reference."""
-    first, second = frame.line[: frame.elbow + 1], frame.line[frame.elbow :]
+    first, second = frame.links
     yield _marker(frame, 'link1', Marker.LINE_STRIP, BLUE, 0.08, first)
     yield _marker(frame, 'link2', Marker.LINE_STRIP, ORANGE, 0.08, second)
     yield _marker(frame, 'joints', Marker.SPHERE_LIST, GREY, 0.2, (first[0], second[0]))

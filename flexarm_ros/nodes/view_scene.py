@@ -21,7 +21,15 @@ from dataclasses import dataclass
 import math
 
 from flexarm_ros.bag import changes
-from flexarm_ros.bag.topics import COMMAND, per_tick_topics, REFERENCE, STATE, TIP, Topic
+from flexarm_ros.bag.topics import (
+    COMMAND,
+    per_tick_topics,
+    REFERENCE,
+    split_state,
+    STATE,
+    TIP,
+    Topic,
+)
 from flexarm_ros.core.arm_line import ArmLine
 from flexarm_ros.core.control import gain_of
 from flexarm_ros.core.parameters import changed, RunConfig
@@ -37,7 +45,8 @@ _NONE: Point = (math.nan, math.nan)
 
 @dataclass(frozen=True)
 class Frame:
-    """The arm at ``stamp_ns``: m, rad, N m, in frame ``base``.
+    """
+    The arm at ``stamp_ns``: m, rad, N m, in frame ``base``.
 
     ``line`` runs along the bent links, the shoulder first, entry ``elbow`` the
     elbow, the last the tip.  ``sensed`` and ``reference`` are the newest there
@@ -56,8 +65,14 @@ class Frame:
 
     @property
     def tip(self) -> Point:
-        """The bent arm's tip."""
+        """Return the bent arm's tip."""
         return self.line[-1]
+
+    @property
+    def links(self) -> tuple[tuple[Point, ...], tuple[Point, ...]]:
+        """Return the bent links: the line to the elbow, and from there."""
+        last, first = self.elbow + 1, self.elbow
+        return self.line[:last], self.line[first:]
 
     def numbers(self) -> dict[str, float | None]:
         """Return what is plotted, by name; None where there is no number."""
@@ -116,7 +131,8 @@ class Scene:
         state, n = self._latest.get(STATE), self._size
         if state is None or not np.isfinite(state).all():
             return None
-        line = self._line.at(np.array(state[:n]), np.array(state[n + 2 : 2 * n + 2]))
+        q, qd, _ = split_state(np.array(state), n)
+        line = self._line.at(q, qd)
         reference = self._pair(REFERENCE)
         ends = (state[n], state[n + 1])
         self.trail.append(line[-1])

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node ``viewer``: shows a run while it goes on, to Foxglove, Lichtblick and RViz.
+"""
+Node ``viewer``: shows a run while it goes on, to Foxglove, Lichtblick and RViz.
 
 It is no participant: nobody waits for it.  It reads with best effort and a
 queue of one, takes the newest messages ``rate`` times a second of wall time,

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A very small ``ros2`` command for environments that have rclpy from wheels and nothing more.
+"""
+A very small ``ros2`` command for environments that have rclpy from wheels and nothing more.
 
 ros2cli is not packaged as wheels, so that ``ros2 run`` and the look-ups that people type first
 would be missing from a virtual environment.  This has those few, with the names, options, output

@@ -75,7 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def add_own_prefix() -> None:
-    """Put the environment that this runs in on ``AMENT_PREFIX_PATH``, for us and what we start.
+    """
+    Put the environment that this runs in on ``AMENT_PREFIX_PATH``, for us and what we start.
 
     The prefix of a virtual environment is an ament prefix like any other; `ros2 run` finds a
     package by the marker in its ``share/ament_index``.

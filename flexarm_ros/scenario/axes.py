@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Values of a sweep's axes: listed, in even steps, or drawn at random.
+"""
+Values of a sweep's axes: listed, in even steps, or drawn at random.
 
 Steps and draws of times that must be whole nanoseconds are rounded to the nanosecond, those
 of integers to the integer.
@@ -57,7 +58,7 @@ class Parameter:
 
     @property
     def name(self) -> str:
-        """The dotted name, ``/**`` left out."""
+        """Return the dotted name, ``/**`` left out."""
         return self.key if self.section == '/**' else full_name(self.section, self.key)
 
     def value_of(self, config: RunConfig) -> Any:
@@ -162,7 +163,8 @@ class Draw:
     independent: bool = False
 
     def texts(self, count: int, seed: int, config: RunConfig) -> list[str]:
-        """Return ``count`` values as texts, the same for one seed whoever asks.
+        """
+        Return ``count`` values as texts, the same for one seed whoever asks.
 
         Each parameter has a generator of its own, seeded by ``seed`` and its name, so that
         adding one leaves the others' values.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Checks of a scenario as a whole: what one key's Spec cannot say.
+"""
+Checks of a scenario as a whole: what one key's Spec cannot say.
 
 The core judges what its formulas need (:mod:`flexarm_ros.core.checks`); here are the limits
 that only a reader of strangers' files needs.  Errors name the key, the value and what is

@@ -52,7 +52,8 @@ class _Missing(Exception):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A relation between metrics of cases, ``fls_tip.max_overshoot < pd_tip.max_overshoot``.
+    """
+    A relation between metrics of cases, ``fls_tip.max_overshoot < pd_tip.max_overshoot``.
 
     Both sides are built of ``case.metric``, ``case.metric[index]``, numbers, ``+ - * /``,
     brackets, ``abs``, ``min`` and ``max``.  A case whose name is no plain word is written

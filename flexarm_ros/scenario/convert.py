@@ -58,7 +58,8 @@ def short(number: float) -> str:
 
 
 def convert(key: str, spec: Spec, tree: Tree) -> Any:
-    """Return the value of ``key`` in the type of ``spec``.
+    """
+    Return the value of ``key`` in the type of ``spec``.
 
     Raises ScenarioError naming ``key``, the value and what is allowed.
     """

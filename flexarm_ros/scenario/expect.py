@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a suite expects of a run's metrics.
+"""
+What a suite expects of a run's metrics.
 
 A metric is a key of ``summary.json``.  A metric with several values
 (``overshoot``: one a direction switch) is expected item by item, or one of it is meant with
@@ -86,7 +87,7 @@ class Expectation:
 
     @property
     def name(self) -> str:
-        """The metric as it is written, with its index."""
+        """Return the metric as it is written, with its index."""
         return self.metric if self.index is None else f'{self.metric}[{self.index}]'
 
     def __str__(self) -> str:
@@ -98,7 +99,8 @@ class Expectation:
         return f'{self.name} {sign} {format_value(self.value)}'
 
     def check(self, metrics: Metrics) -> Outcome:
-        """Compare with a run's metrics.
+        """
+        Compare with a run's metrics.
 
         A metric that is not known fulfils ``null`` and every ``ne`` but that of ``null``.
         """

@@ -24,7 +24,8 @@ from flexarm_ros.scenario.errors import clip, ScenarioError
 
 
 def read_text(path: Path, limit: int) -> str:
-    """Return a file's text, at most ``limit`` bytes of UTF-8.
+    """
+    Return a file's text, at most ``limit`` bytes of UTF-8.
 
     Raises ScenarioError if it cannot be read, is no regular file (a pipe would block),
     is too large or is not text.

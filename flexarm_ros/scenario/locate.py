@@ -28,7 +28,8 @@ SUFFIXES = ('.yaml', '.yml')
 
 
 def config_directories() -> list[Path]:
-    """Return the existing ``config`` directories, the nearest to the code first.
+    """
+    Return the existing ``config`` directories, the nearest to the code first.
 
     A source tree (or ``pip install -e``) has it beside the package; a wheel puts it into
     ``share/flexarm_ros/config`` below the prefix, colcon below the install space, which the
@@ -82,7 +83,8 @@ def shipped_sweeps() -> dict[str, Path]:
 def find(
     path_or_name: str | os.PathLike[str], known: dict[str, Path] | None = None, base: Path = Path()
 ) -> Path:
-    """Return the file that ``path_or_name`` means: a shipped name, or a path below ``base``.
+    """
+    Return the file that ``path_or_name`` means: a shipped name, or a path below ``base``.
 
     Raises ScenarioError if there is no such file.
     """

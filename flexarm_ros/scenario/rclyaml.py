@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""YAML as rcl's parameter parser reads it, and a writer that rcl and PyYAML read alike.
+"""
+YAML as rcl's parameter parser reads it, and a writer that rcl and PyYAML read alike.
 
 rcl decides what a scalar is with ``strtoll`` and ``strtod`` (rcl_yaml_param_parser,
 ``get_value``), not with YAML's own rules: ``1e-3`` and ``0x1p-3`` are numbers, ``010`` is
@@ -87,7 +88,8 @@ Tree = Scalar | Sequence | Mapping
 
 
 def resolve(text: str, quoted: bool = False) -> PlainValue:
-    """Return what rcl takes a scalar's text for.
+    """
+    Return what rcl takes a scalar's text for.
 
     Numbers out of a double's or an int64's range set ``errno`` in C, whereupon rcl falls
     back to the next type: too large an integer is a double, ``1e400`` and ``1e-320`` are
@@ -132,7 +134,8 @@ def _double(text: str) -> float | None:
             value = float.fromhex(match[1] + (match[2] or ''))
         except OverflowError:
             return None
-        zero = not re.search('[1-9a-fA-F]', match[1][match[1].lower().index('x') :])
+        digits = match[1].lower().partition('x')[2]
+        zero = not re.search('[1-9a-f]', digits)
         exact = value != 0.0
     else:
         return None
@@ -143,7 +146,8 @@ def _double(text: str) -> float | None:
 
 
 def parse(text: str) -> Tree | None:
-    """Read one YAML document; ``None`` if it is empty.
+    """
+    Read one YAML document; ``None`` if it is empty.
 
     Raises ScenarioError (one line, with the line's number) for what is not YAML, for
     aliases, keys given twice, empty values, several documents and nesting past
@@ -278,6 +282,8 @@ def tree_of(value: Any) -> Tree:
 
 
 class _Dumper(yaml.SafeDumper):
+    """Writes no anchors: rcl knows none."""
+
     def ignore_aliases(self, data: Any) -> bool:
         return True
 

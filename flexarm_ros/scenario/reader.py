@@ -46,7 +46,8 @@ FIELD_OF = {section: 'run' if section == WHOLE_RUN else section for section in S
 
 
 def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -> RunConfig:
-    """Read a scenario and return it whole and checked.
+    """
+    Read a scenario and return it whole and checked.
 
     ``source`` is a path, the name of a shipped scenario, or several of them (a later file
     wins, as with several ``--params-file``).  ``overrides`` are texts ``node.key=value``
@@ -74,7 +75,8 @@ def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -
 def from_text(
     text: str, torques: Iterable[Iterable[float]] = (), name: str = 'scenario'
 ) -> RunConfig:
-    """Read a scenario's text, as it travels in a bag.
+    """
+    Read a scenario's text, as it travels in a bag.
 
     No file is opened: the torques of ``open_loop`` are given as rows.
     Raises ScenarioError, one line.
@@ -85,7 +87,8 @@ def from_text(
 def from_dict(
     data: Map[str, Any], torques: Iterable[Iterable[float]] = (), torque_base: Path | None = None
 ) -> RunConfig:
-    """Build a RunConfig from ``{section: {key: value}}``; ``run`` stands for ``/**``.
+    """
+    Build a RunConfig from ``{section: {key: value}}``; ``run`` stands for ``/**``.
 
     Keys may be dotted or nested, a value ``None`` means left out (so that ``to_dict`` is
     undone).  A torque file is opened only if ``torque_base``, the directory to which its
@@ -106,7 +109,8 @@ def from_dict(
 def with_values(
     config: RunConfig, overrides: Iterable[str] = (), data: Map[str, Any] | None = None
 ) -> RunConfig:
-    """Return ``config`` with some keys set anew.
+    """
+    Return ``config`` with some keys set anew.
 
     ``overrides`` are texts as after ``--set``; ``data`` is ``{section: {key: value}}`` as for
     ``from_dict``, a value ``None`` leaving its key out again.  Raises ScenarioError.
@@ -162,7 +166,8 @@ def _without_none(data: Any) -> Any:
 
 
 def parse_override(text: str) -> tuple[tuple[str, str], Tree]:
-    """Return ``((section, key), value)`` of a text ``node.key=value``.
+    """
+    Return ``((section, key), value)`` of a text ``node.key=value``.
 
     Raises ScenarioError naming the key, the value and what is allowed.
     """
@@ -184,7 +189,8 @@ def parse_override(text: str) -> tuple[tuple[str, str], Tree]:
 
 
 def find_key(name: str) -> tuple[str, str]:
-    """Return ``(section, key)`` of a dotted name; without a node the whole run's.
+    """
+    Return ``(section, key)`` of a dotted name; without a node the whole run's.
 
     Raises ScenarioError with the nearest known name.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Suite files: many scenarios, what is expected of each, and claims about them together.
+"""
+Suite files: many scenarios, what is expected of each, and claims about them together.
 
 A suite is a YAML file::
 
@@ -72,7 +73,8 @@ MAX_CASES = 1000
 
 @dataclass(frozen=True)
 class Fault:
-    """Something done to a node at a simulated time.
+    """
+    Something done to a node at a simulated time.
 
     ``kill`` is SIGKILL, ``terminate`` SIGTERM, ``pause`` SIGSTOP for good, ``delay`` SIGSTOP
     for ``seconds`` of wall time.
@@ -143,7 +145,8 @@ class _Defaults:
 
 
 def load(path_or_name: str | Path) -> Suite:
-    """Read a suite: a file, or the bare name of a shipped one.
+    """
+    Read a suite: a file, or the bare name of a shipped one.
 
     Every case's scenario is read and checked.  Raises ScenarioError, one line.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sweep files: one scenario over grids and random draws of any parameters.
+"""
+Sweep files: one scenario over grids and random draws of any parameters.
 
 A sweep is a YAML file::
 
@@ -62,7 +63,8 @@ MAX_DRAWN = 500_000
 
 @dataclass(frozen=True)
 class SweepCase:
-    """One run of a sweep: what differs in it, ``{name: text}``, and how it is set.
+    """
+    One run of a sweep: what differs in it, ``{name: text}``, and how it is set.
 
     ``base`` is the number of its scenario in ``Sweep.bases``, to which ``overrides`` are
     added.
@@ -85,7 +87,8 @@ class Map:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A whole, checked sweep file; ``case(i)`` for i below ``count`` gives its runs.
+    """
+    A whole, checked sweep file; ``case(i)`` for i below ``count`` gives its runs.
 
     ``scenarios`` are names, ``bases`` what they hold, ``set`` included.  ``axes`` are the
     grid's and ``draws`` the drawn values, ``{name: texts}``, the latter ``samples`` long.
@@ -99,11 +102,11 @@ class Sweep:
     draws: dict[str, list[str]]
     samples: int
     ties: dict[str, str]
-    map: Map | None
+    plan: Map | None
 
     @property
     def count(self) -> int:
-        """The number of runs."""
+        """Return the number of runs."""
         total = len(self.scenarios) * self.samples
         for values in self.axes.values():
             total *= len(values)
@@ -111,7 +114,7 @@ class Sweep:
 
     @property
     def columns(self) -> list[str]:
-        """The names of what differs from run to run."""
+        """Return the names of what differs from run to run."""
         return ['scenario', *self.axes, *self.draws, *self.ties]
 
     def case(self, index: int) -> SweepCase:
@@ -139,7 +142,8 @@ class Sweep:
 
 
 def load(path_or_name: str | Path) -> Sweep:
-    """Read a sweep: a file, or the bare name of a shipped one.
+    """
+    Read a sweep: a file, or the bare name of a shipped one.
 
     Keys, listed values and the scenarios are checked; whether each combination of values
     fits together is found when it is run.  Raises ScenarioError, one line.

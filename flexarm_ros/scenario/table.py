@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The README's table of parameters, printed from their definitions.
+"""
+The README's table of parameters, printed from their definitions.
 
 ``python -m flexarm_ros.scenario.table`` prints it; ``python -m flexarm_ros.scenario.table
 README.md`` puts it between the lines ``<!-- parameters -->`` and ``<!-- /parameters -->``.
@@ -75,7 +76,8 @@ def allowed_text(spec: Spec) -> str:
 
 
 def with_table(text: str) -> str:
-    """Return a document's text with the table of now between its two marks.
+    """
+    Return a document's text with the table of now between its two marks.
 
     Raises ValueError if the marks are missing.
     """

@@ -32,7 +32,8 @@ MAX_ROWS = 1_000_000
 
 
 def read_torques(path: Path) -> Torques:
-    """Return the rows ``(t, tau1, tau2)`` of a torque file; two rows of equal time make a step.
+    """
+    Return the rows ``(t, tau1, tau2)`` of a torque file; two rows of equal time make a step.
 
     Raises ScenarioError naming the file, the line and what is allowed.
     """

@@ -24,7 +24,8 @@ from flexarm_ros.scenario.reader import FIELD_OF
 
 
 def to_dict(config: RunConfig) -> dict[str, dict[str, Any]]:
-    """Return ``{section: {key: value}}`` of every parameter, ``None`` where left out.
+    """
+    Return ``{section: {key: value}}`` of every parameter, ``None`` where left out.
 
     The run's own section is ``/**``; arrays are lists.  ``from_dict`` undoes it (the rows
     of a torque file travel apart, as ``config.torques``).
@@ -40,7 +41,8 @@ def to_dict(config: RunConfig) -> dict[str, dict[str, Any]]:
 
 
 def dump(config: RunConfig, torque_file: str | None = None) -> str:
-    """Return the scenario as a ROS 2 parameter file, every value that is not left out.
+    """
+    Return the scenario as a ROS 2 parameter file, every value that is not left out.
 
     Floats always have a decimal point, so that rcl and PyYAML read a double, exactly the
     one held.  ``torque_file`` replaces the path of the torque file (nodes are given one
@@ -56,7 +58,8 @@ def dump(config: RunConfig, torque_file: str | None = None) -> str:
 
 
 def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
-    """Return ``to_dict`` with what was left out as it is then taken.
+    """
+    Return ``to_dict`` with what was left out as it is then taken.
 
     Integrator steps a tick, the pose and rates at the start and the held point are filled in;
     what stays ``None`` has no meaning in this scenario.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From measurements to the end effector that the laws compare with the reference.
+"""
+From measurements to the end effector that the laws compare with the reference.
 
 ``encoder``: rigid kinematics of the measured joint angles, at the tip.
 

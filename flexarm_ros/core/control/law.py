@@ -24,7 +24,8 @@ from flexarm_ros.core.parameters import RunConfig
 
 
 class Sample(NamedTuple):
-    """All inputs of the controller at one tick.
+    """
+    All inputs of the controller at one tick.
 
     ``q``, ``qd``: plant coordinates and rates of this tick, theta1, theta2 first
     (rad, rad/s), undelayed.  ``deflection``: delta1, delta2 (m) of this tick.
@@ -42,7 +43,8 @@ class Sample(NamedTuple):
 
 
 class Law:
-    """A control law: a function of the tick's sample, with a state of its own if need be.
+    """
+    A control law: a function of the tick's sample, with a state of its own if need be.
 
     Between ticks `retune` may give it other live gains.
     """

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Laws ``lqg`` and ``adaptive``: estimated flexible state, regulated about a planned motion.
+"""
+Laws ``lqg`` and ``adaptive``: estimated flexible state, regulated about a planned motion.
 
 Both take the undelayed encoders and the delayed tip sensor's position; what
 the plant publishes of its elastic state is not used.  See
@@ -54,10 +55,10 @@ _FARTHEST = 0.35
 
 
 class Design(NamedTuple):
-    """Gains of the regulator (K, 2, 2n + 6) and of the filter (K, total, 6)."""
+    """Gains of the regulator (K, 2, 2n + 6) and of the estimator (K, total, 6)."""
 
     regulator: FloatArray
-    filter: FloatArray
+    estimator: FloatArray
 
 
 class Latency(NamedTuple):
@@ -93,7 +94,7 @@ def filter_model(
     unsure = (gains.lqg_model_std, gains.lqg_model_std, gains.lqg_latency_std)
     for i, std in enumerate(unsure):
         start[size + i] = std * std
-    start[size + 3 :] = 0.0
+    start[-2:] = 0.0  # no torque disturbance at first
     wander = np.zeros(UNKNOWNS)
     if adapt:
         wander[:3] = [(std * gains.adaptive_wander) ** 2 * period for std in unsure]
@@ -128,7 +129,8 @@ def _design(config: RunConfig, adapt: bool) -> Design:
 
 
 def design_key(config: RunConfig) -> RunConfig:
-    """Return ``config`` without what no design depends on, so that runs can share one.
+    """
+    Return ``config`` without what no design depends on, so that runs can share one.
 
     The plant itself stays in only through what the controller believes of it.
     """
@@ -167,8 +169,9 @@ def correct(
 @compiled
 def tip_deviation(point: Point, z: FloatArray, planned: FloatArray, n: int) -> tuple[float, float]:
     """Return how far the estimated tip is from the planned one, m."""
-    x, y, _, _ = elastic_point(z[:n], z[n : 2 * n], point.shapes, point.shortening)
-    px, py, _, _ = elastic_point(planned[:n], planned[n : 2 * n], point.shapes, point.shortening)
+    end = 2 * n
+    x, y, _, _ = elastic_point(z[:n], z[n:end], point.shapes, point.shortening)
+    px, py, _, _ = elastic_point(planned[:n], planned[n:end], point.shapes, point.shortening)
     return x - px, y - py
 
 
@@ -176,7 +179,8 @@ def tip_deviation(point: Point, z: FloatArray, planned: FloatArray, n: int) -> t
 def regulate(
     arm: Arm, gains: FloatArray, planned: FloatArray, memory: Memory, period: float, limit: float
 ) -> tuple[float, float]:
-    """Return the torques: the plan's and v, whose rate is linear in what deviates.
+    """
+    Return the torques: the plan's and v, whose rate is linear in what deviates.
 
     v is what remains after the limit, and where a joint is at its limit the
     integral waits, so that neither winds up.
@@ -238,17 +242,20 @@ class LqgLaw(Law):
         self._period = Timeline.of(config.run).period
         self._n = self._plan.motion.state.shape[1] // 2
         self._own = Constants(*(part.copy() for part in self._plan.arm.con))
-        z = np.zeros(self._design.filter.shape[1])
-        z[: 2 * self._n] = self._plan.dense[0, : 2 * self._n]
+        z = np.zeros(self._design.estimator.shape[1])
+        size = 2 * self._n
+        z[:size] = self._plan.dense[0, :size]
         sensed = self._plan.arm.sensed
         point = elastic_point(z[: self._n], z[: self._n], sensed.shapes, sensed.shortening)
-        z[2 * self._n + UNKNOWNS :: 2], z[2 * self._n + UNKNOWNS + 1 :: 2] = point[:2]
+        past = z[size:][UNKNOWNS:]
+        past[::2], past[1::2] = point[:2]
         self._memory = Memory(z, np.zeros(2), np.zeros(2))
 
     @property
     def unknowns(self) -> FloatArray:
         """Estimates of log EI, log density, latency's error (s), torque disturbances (N m)."""
-        return np.array(self._memory.z[2 * self._n : 2 * self._n + UNKNOWNS])
+        size = 2 * self._n
+        return np.array(self._memory.z[size:][:UNKNOWNS])
 
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
         """Return tau1, tau2 (N m); see :class:`Law`."""
@@ -256,7 +263,7 @@ class LqgLaw(Law):
         knot = min(k // plan.grid.ticks, len(self._design.regulator) - 1)
         tip = k % self._latency.every == 0
         correct(
-            memory.z, self._design.filter[knot], self._latency, self._period, n, tip,
+            memory.z, self._design.estimator[knot], self._latency, self._period, n, tip,
             sample.encoder, sample.tip[:2],
         )  # fmt: skip
         planned = plan.dense[min(k, len(plan.dense) - 1)]

@@ -27,7 +27,8 @@ Row = tuple[float, float, float]
 
 
 class OpenLoopLaw(Law):
-    """Rows (t, tau1, tau2), linear between rows, taken at the middle of each tick and held.
+    """
+    Rows (t, tau1, tau2), linear between rows, taken at the middle of each tick and held.
 
     Before the first and after the last row that row's torques hold.  Two rows
     of equal time make a step.

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Laws ``inverse`` and ``passive``: the planned motion's torque and collocated feedback.
+"""
+Laws ``inverse`` and ``passive``: the planned motion's torque and collocated feedback.
 
 ``inverse``: inverse dynamics of the flexible arm as feedforward, and the joints
 held to the planned angles,
@@ -77,8 +78,9 @@ def expect(
     out: FloatArray,
 ) -> None:
     """Set ``out`` (2,) to where the sensed point is, were the deflection the planned one."""
-    n = (planned.shape[0] - 2) // 2
-    x, y, _, _ = elastic_point(planned[:n], planned[n : 2 * n], point.shapes, point.shortening)
+    size = planned.shape[0] - 2
+    n = size // 2
+    x, y, _, _ = elastic_point(planned[:n], planned[n:size], point.shapes, point.shortening)
     rx, ry, _, _ = rigid_point(along[0], along[1], encoder[0], encoder[1], 0.0, 0.0)
     px, py, _, _ = rigid_point(along[0], along[1], planned[0], planned[1], 0.0, 0.0)
     out[0], out[1] = x + rx - px, y + ry - py

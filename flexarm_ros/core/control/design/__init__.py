@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the tip laws are computed from before the first tick: plans, gains and filters.
+"""
+What the tip laws are computed from before the first tick: plans, gains and filters.
 
 Everything here runs once, when a law is made, and its results steer the run.
 So it keeps to the loop's rule: plain compiled loops, no BLAS or LAPACK, the

@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kalman filter along a planned motion, with the tip sensor's latency and unknowns in the model.
+"""
+Kalman filter along a planned motion, with the tip sensor's latency and unknowns in the model.
 
 What is estimated is z = (x, b, c): the state; five unknowns b (logarithms of EI
 and density, the latency's error, a disturbance torque a joint), each a random
@@ -46,7 +47,8 @@ UNKNOWNS = 5
 
 
 class FilterModel(NamedTuple):
-    """Latency in ticks, whole and part; ticks a tip sample; variances and what is unknown.
+    """
+    Latency in ticks, whole and part; ticks a tip sample; variances and what is unknown.
 
     ``variances`` (3,): of angles, rates and tip positions as measured.
     ``noise`` (3,): spectral densities of torque ((N m)^2 s) and of accelerations of the
@@ -167,7 +169,8 @@ def update(
     variance: float, which: int, first: int, considered: FloatArray, column: FloatArray,
     gains: FloatArray,
 ) -> None:  # fmt: skip
-    """Take in one scalar, the sum of three entries of z by factors.
+    """
+    Take in one scalar, the sum of three entries of z by factors.
 
     Sequential gains are gathered so that ``gains`` (total, 6) acts on the
     innovations of all six readings before any was taken in.

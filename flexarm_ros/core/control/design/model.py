@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm as a controller knows it: nonlinear step, linearisation and tip.
+"""
+The arm as a controller knows it: nonlinear step, linearisation and tip.
 
 The model is the ``full`` plant with parameters of the controller's own
 (``controller.model.*``), so that a plant that differs from what the controller
@@ -45,7 +46,8 @@ class Point(NamedTuple):
 
 
 class Arm(NamedTuple):
-    """The model: integrals, their change with EI and density, tip, sensed point, scratch.
+    """
+    The model: integrals, their change with EI and density, tip, sensed point, scratch.
 
     ``rigidity`` and ``density``: d(constants) / d(EI / EI_0) and of the density, on
     the same shape functions, so that constants are linear in both.
@@ -74,7 +76,8 @@ def adjust(base: Constants, rigidity: Constants, density: Constants, ei: float, 
 
 @compiled
 def linearise(arm: Arm, state: FloatArray, tau1: float, tau2: float, rows: FloatArray) -> None:
-    """Fill ``rows`` (n, 2n + 2): how q'' changes with q, q' and the torques.
+    """
+    Fill ``rows`` (n, 2n + 2): how q'' changes with q, q' and the torques.
 
     Central differences with a step at which rounding and the third
     derivative both leave some nine digits.  Nothing depends on theta1.
@@ -104,7 +107,8 @@ def sensitivity(
     arm: Arm, around: tuple[Constants, Constants, Constants, Constants], change: float,
     state: FloatArray, tau1: float, tau2: float, rows: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill ``rows`` (n, 2n + 4)'s last two columns: how q'' changes with log EI and log density.
+    """
+    Fill ``rows`` (n, 2n + 4)'s last two columns: how q'' changes with log EI and log density.
 
     ``around``: constants with each of the two lowered and raised by ``change`` / 2.
     """
@@ -124,7 +128,8 @@ def sensitivity(
 
 @compiled
 def discretise(rows: FloatArray, period: float, ad: FloatArray, bd: FloatArray) -> None:
-    """Fill ``ad`` (2n, 2n) and ``bd`` (2n, c): one tick of ``period`` s with held inputs.
+    """
+    Fill ``ad`` (2n, 2n) and ``bd`` (2n, c): one tick of ``period`` s with held inputs.
 
     ``rows`` (n, 2n + c): how q'' changes with q, q' and c inputs.  Taylor
     series of the exponential of [[A, B], [0, 0]].
@@ -157,7 +162,8 @@ def discretise(rows: FloatArray, period: float, ad: FloatArray, bd: FloatArray) 
 def interval_matrices(
     rows: FloatArray, ticks: int, period: float, transition: FloatArray, drive: FloatArray
 ) -> None:
-    """Fill ``transition`` (2n + c, 2n + c) and ``drive`` (2n + c, 2) over ``ticks`` ticks.
+    """
+    Fill ``transition`` (2n + c, 2n + c) and ``drive`` (2n + c, 2) over ``ticks`` ticks.
 
     Of (x, u, p): ``rows`` (n, 2n + c) says how q'' changes with them, the c
     inputs being the torques u and constants p; ``drive``: the torques' rates,
@@ -191,7 +197,8 @@ def interval_matrices(
 
 @compiled
 def point_jacobian(point: Point, q: FloatArray, jacobian: FloatArray) -> tuple[float, float]:
-    """Fill ``jacobian`` (2, n), of the point's x, y to q; return x, y.
+    """
+    Fill ``jacobian`` (2, n), of the point's x, y to q; return x, y.
 
     By ``elastic_point``, whose velocities are linear in the rates.
     """

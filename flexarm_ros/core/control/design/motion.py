@@ -105,7 +105,8 @@ class Planned(NamedTuple):
 
 
 def plan_for(config: RunConfig) -> Planned:
-    """Return the plan of ``config``, made anew only where it differs from recent ones.
+    """
+    Return the plan of ``config``, made anew only where it differs from recent ones.
 
     Raises ``ValueError``, naming the key, for a motion that is too long.
     """
@@ -161,7 +162,7 @@ def _plan(
 
 
 def _guess(config: RunConfig, path: Path, times: list[int], n: int) -> FloatArray:
-    """The rigid arm on the path; its first row is where the arm starts, at rest."""
+    """Return the rigid arm on the path; its first row is where the arm starts, at rest."""
     states = np.zeros((len(times), 2 * n))
     before = initial_angles(config)
     for j, time in enumerate(times):
@@ -172,7 +173,8 @@ def _guess(config: RunConfig, path: Path, times: list[int], n: int) -> FloatArra
             states[j, c] = angles[c] + turn
         before = (float(states[j, 0]), float(states[j, 1]))
     spacing = (times[1] - times[0]) / NS_PER_S
-    states[1:, n : n + 2] = (states[1:, :2] - states[:-1, :2]) / spacing
+    joint_rates = states[:, n:][:, :2]
+    joint_rates[1:] = (states[1:, :2] - states[:-1, :2]) / spacing
     if config.plant.initial_velocity is not None:
-        states[0, n : n + 2] = config.plant.initial_velocity
+        joint_rates[0] = config.plant.initial_velocity
     return states

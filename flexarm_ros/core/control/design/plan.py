@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The optimal flexible trajectory: torques and states that carry the true tip along the reference.
+"""
+The optimal flexible trajectory: torques and states that carry the true tip along the reference.
 
 Of all motions of the model from its start, straight and at rest, the one that
 minimises
@@ -101,7 +102,8 @@ def advance(
     arm: Arm, state: FloatArray, torque: FloatArray, rate: FloatArray, grid: Grid,
     dense: FloatArray,
 ) -> None:  # fmt: skip
-    """Carry ``state`` (2n,) over one interval; ``dense`` (ticks, 2n + 2): each tick's start.
+    """
+    Carry ``state`` (2n,) over one interval; ``dense`` (ticks, 2n + 2): each tick's start.
 
     The last two columns of ``dense`` are the tick's torque, that of its middle.
     """
@@ -233,7 +235,8 @@ def improve(
 def make_plan(
     arm: Arm, path: FloatArray, weights: Weights, grid: Grid, guess: FloatArray, rounds: int
 ) -> Motion:
-    """Return the optimal motion along ``path`` (K + 1, 2) from the first row of ``guess``.
+    """
+    Return the optimal motion along ``path`` (K + 1, 2) from the first row of ``guess``.
 
     ``guess`` (K + 1, 2n): states about which the first round linearises; they
     need not be a motion of the model.  A limit is enforced in two stages, the
@@ -286,6 +289,7 @@ def fill_ticks(arm: Arm, grid: Grid, motion: Motion, dense: FloatArray) -> None:
     size, count = at.shape[0], motion.rate.shape[0]
     for j in range(count):
         first = j * grid.ticks
-        advance(arm, at, motion.torque[j], motion.rate[j], grid, dense[first : first + grid.ticks])
+        end = first + grid.ticks
+        advance(arm, at, motion.torque[j], motion.rate[j], grid, dense[first:end])
     dense[count * grid.ticks, :size] = at
     dense[count * grid.ticks, size:] = motion.torque[count]

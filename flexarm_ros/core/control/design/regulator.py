@@ -12,7 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Linear-quadratic regulator with integral action about a planned motion.
+"""
+Linear-quadratic regulator with integral action about a planned motion.
 
 The state is (dx, v, I, p): deviation from the plan, the torque added to it, the
 integral of the tip's deviation, and how far the arm's parameters are from the
@@ -65,10 +66,10 @@ def place_integral(
     transition: FloatArray, drive: FloatArray,
 ) -> None:  # fmt: skip
     """Spread matrices of (x, v, p) over (x, v, I, p) and let I gather the tip's deviation."""
-    inner, total = small.shape[0] - 2, transition.shape[0]
+    inner = small.shape[0] - 2
     transition[:, :], drive[:, :] = 0.0, 0.0
     transition[:inner, :inner] = small[:inner, :inner]
-    transition[:inner, total - 2 :] = small[:inner, inner:]
+    transition[:inner, -2:] = small[:inner, inner:]
     drive[:inner, :] = small_drive[:inner, :]
     for c in range(4):
         transition[inner + c, inner + c] = 1.0
@@ -94,7 +95,8 @@ def fill_regulator(
     arm: Arm, around: tuple[Constants, Constants, Constants, Constants], apart: float,
     weights: RegulatorWeights, grid: Grid, motion: Motion, beyond: int, gains: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill ``gains`` (K, 2, 2n + 6) of v' on (dx, v, I, p).
+    """
+    Fill ``gains`` (K, 2, 2n + 6) of v' on (dx, v, I, p).
 
     The recursion starts ``beyond`` intervals after the last, at rest there, so
     that the gains do not fade towards the end.
