@@ -33,7 +33,6 @@ from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import changed, RunConfig, SECTIONS, specs
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import qos_profile
-from flexarm_ros.nodes.status import Phase
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, SetParametersResult
 from rclpy.duration import Duration
@@ -43,7 +42,6 @@ if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
 _TOLD_S = 2.0
-_GOING = (Phase.RUNNING, Phase.PAUSED)
 
 
 class LiveParameters:
@@ -73,7 +71,7 @@ class LiveParameters:
         if not wanted or self._restoring:
             return SetParametersResult(successful=True)
         me = self._me
-        if me.finished or me.board.mine.phase not in _GOING:
+        if me.finished or not me.under_way:
             reason = f'no run goes on ({me.board.mine.phase.value})'
             return SetParametersResult(successful=False, reason=reason)
         try:

@@ -260,3 +260,5 @@ def spin(participants: Sequence[Participant]) -> None:
             waiting = [handle for p in participants for handle in p.blocked_on()]
             pause = min([max(0.0, next_look - now)] + [p.nap(now) for p in participants])
             waiter.wait(waiting, int(pause * 1e9))
+            if any(not p.under_way and not p.finished for p in participants):
+                next_look = 0.0  # a word of the peers that is not taken would wake it again

@@ -31,7 +31,7 @@ from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
 from flexarm_ros.nodes.parameters import declare_and_load, declare_own, Own
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
-from flexarm_ros.nodes.status import Board, Phase
+from flexarm_ros.nodes.status import Board, GOING, Phase
 from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
 from rclpy.node import Node
 
@@ -157,9 +157,14 @@ class Participant(Node):
 
     # --- driven by lockstep.spin ---------------------------------------------------
 
+    @property
+    def under_way(self) -> bool:
+        """Whether this node takes part in a run that has begun and goes on."""
+        return self.board.mine.phase in GOING
+
     def drive(self) -> bool:
         """Advance as far as the inputs allow; True where anything was done."""
-        if self.board.mine.phase not in (Phase.RUNNING, Phase.PAUSED):
+        if not self.under_way:
             return False
         moved = False
         try:
@@ -180,9 +185,13 @@ class Participant(Node):
         return moved
 
     def blocked_on(self) -> list[Any]:
-        """Return the handles to wait on: the missing input, or the peers' status."""
-        if self._missing is not None and self.board.mine.phase in (Phase.RUNNING, Phase.PAUSED):
-            return [self._missing.handle]  # the peers' status is looked at now and then
+        """Return the handles to wait on: the missing input, or the peers' status.
+
+        While a run goes on the status is looked at now and then only: a node that
+        slept on it would be woken again and again by a word that it has not taken.
+        """
+        if self._missing is not None and self.under_way:
+            return [self._missing.handle]
         return [self.board.handle]
 
     def nap(self, now: float) -> float:

@@ -194,12 +194,11 @@ class PlantNode(Participant):
 
     def look_around(self, now: float) -> None:
         """Do what the services have asked for since the last look."""
-        phase = self.board.mine.phase
-        if not self.finished and phase in (Phase.RUNNING, Phase.PAUSED):
+        if not self.finished and self.under_way:
             if self.control.reset_wanted:
                 self.epochs.begin(self.epochs.number + 1)
                 self.control.reset_wanted = False
-            elif self.control.paused != (phase is Phase.PAUSED):
+            elif self.control.paused != (self.board.mine.phase is Phase.PAUSED):
                 self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
         super().look_around(now)
 
@@ -208,15 +207,15 @@ class PlantNode(Participant):
         if self._holds and self.tick >= self._holds[0]:
             return 0.002
         longest = super().nap(now)
-        if self._sent or self.board.mine.phase not in (Phase.RUNNING, Phase.PAUSED):
+        if self._sent or not self.under_way:
             return longest
         return self.control.nap_s(self.tick, now, longest)
 
     def blocked_on(self) -> list[Any]:
-        """Wait for the torque, or for the recorder's progress."""
-        if self.board.mine.phase in (Phase.RUNNING, Phase.PAUSED) and not self._sent:
-            return [self.board.handle, self._recorded.handle]
-        return super().blocked_on()
+        """Wait for the torque, or where it is ahead of the recorder for its progress."""
+        if self._sent or not self.under_way:
+            return super().blocked_on()
+        return [self._recorded.handle] if self._ahead_of_recorder(self._window) else []
 
     def waiting_for(self) -> tuple[str, str]:
         """Blame the recorder where it holds the run up, else the controller."""

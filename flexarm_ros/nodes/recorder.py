@@ -154,4 +154,4 @@ class RecorderNode(Participant):
 
     def blocked_on(self) -> list[Any]:
         """Sleep: messages are taken in batches."""
-        return [self.board.handle]
+        return [] if self.under_way else super().blocked_on()

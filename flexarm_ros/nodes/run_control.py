@@ -34,7 +34,6 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.nodes.simulation_services import offer_standard_services
-from flexarm_ros.nodes.status import Phase
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
 
 FASTEST = 1e6
 MOST_STEPS = 10**9
-GOING = (Phase.RUNNING, Phase.PAUSED)
 WAIT_S = 60.0
 """Wall time that a service may take at the longest."""
 
@@ -162,7 +160,7 @@ class RunControl:
     @property
     def going(self) -> bool:
         """Whether the plant is in a run, paused or not."""
-        return not self._plant.finished and self._plant.board.mine.phase in GOING
+        return not self._plant.finished and self._plant.under_way
 
     @property
     def stepping(self) -> bool:

@@ -77,6 +77,10 @@ class Phase(str, Enum):
         return self in (Phase.DONE, Phase.FAILED, Phase.REFUSED)
 
 
+GOING = (Phase.RUNNING, Phase.PAUSED)
+"""Phases of a run that has begun and goes on."""
+
+
 @dataclass(frozen=True)
 class Status:
     """One participant's word about itself."""

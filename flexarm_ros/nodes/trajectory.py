@@ -78,8 +78,8 @@ class TrajectoryNode(Participant):
             self.finish()
 
     def blocked_on(self) -> list[Any]:
-        """Sleep until the plant has come some way, or the peers have something to say."""
-        return [self._reached.handle, self.board.handle]
+        """Sleep until the plant has come some way."""
+        return [self._reached.handle] if self.under_way else super().blocked_on()
 
     def patience_s(self) -> float:
         """Blame nobody: nothing that this node waits for is due at a tick."""
