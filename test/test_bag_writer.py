@@ -388,3 +388,23 @@ def test_numbers_survive(tmp_path: Path) -> None:
                 writer.write(topic, tick, data)
     (block,) = BagReader(tmp_path / 'bag').blocks()
     assert np.array(odd).tobytes() == block.values[COMMAND][1].tobytes()
+
+
+@pytest.mark.parametrize('longer', [None, 130], ids=['as they are', 'one of another size'])
+def test_whole_ticks_at_once_are_the_same_as_one_by_one(
+    tmp_path: Path, longer: int | None
+) -> None:
+    truth = [list(tick) for tick in small_messages(CONFIG)]
+    if longer is not None:
+        truth[longer][2] += b'\0\0\0\0'  # as a publisher of somebody else's may write it
+    with BagWriter(tmp_path / 'one', CONFIG) as writer:
+        for tick, messages in enumerate(truth):
+            for topic, data in enumerate(messages):
+                writer.write(topic, tick, data)
+    with BagWriter(tmp_path / 'many', CONFIG) as writer:
+        for first, last in itertools.pairwise((0, 1, 70, 255, TICKS)):
+            columns = [list(column) for column in zip(*truth[first:last], strict=True)]
+            writer.write_ticks(first, columns)
+        assert writer.complete_ticks == TICKS
+    one, many = ((tmp_path / name / 'bag_0.mcap').read_bytes() for name in ('one', 'many'))
+    assert one == many

@@ -62,6 +62,7 @@ class Recording:
         self.directory = directory
         self._writer = BagWriter(directory / BAG, config, Provenance.here(name, foreign))
         self.write = self._writer.write
+        self.write_ticks = self._writer.write_ticks
         self.write_change = self._writer.write_change
 
     def close(self) -> None:

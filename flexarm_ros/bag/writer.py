@@ -131,6 +131,33 @@ class BagWriter:
         while self._missing.get(self._next) == 0:
             self._emit(self._next)
 
+    def write_ticks(self, first: int, columns: Sequence[Sequence[bytes]]) -> None:
+        """Take the ticks from ``first`` on, whole: the serialized messages of each topic in order.
+
+        Equal to as many calls of :meth:`write`, several times as fast.
+        """
+        ticks = range(first, first + len(columns[0]))
+        sizes = [topic.codec.size for topic in self.topics]
+        same = all(
+            len(data) == size
+            for size, column in zip(sizes, columns, strict=True)
+            for data in column
+        )
+        if (
+            not same
+            or self._pending
+            or first != self._next
+            or any(c in ticks for c in self._changes)
+        ):
+            for tick, messages in zip(ticks, zip(*columns, strict=True), strict=True):
+                for topic, data in enumerate(messages):
+                    self.write(topic, tick, data)
+            return
+        self._append_rows(self._records(first, [
+            np.frombuffer(b''.join(column), np.uint8).reshape(len(ticks), size)
+            for size, column in zip(sizes, columns, strict=True)
+        ]))  # fmt: skip
+
     def write_change(self, change: Change) -> None:
         """Take a parameter that changes at a tick; it stands before that tick's messages."""
         if not self._changes_channel:
@@ -147,7 +174,15 @@ class BagWriter:
         """Take whole ticks, the next ones, as numbers; the same bytes, four times as fast."""
         if block.first != self._next or self._pending:
             raise BagError(f'{self.directory}: ticks from {block.first} where {self._next} is due')
-        rows = self._records(block)
+        self._append_rows(
+            self._records(block.first, [
+                topic.codec.encode_block(block.stamps[i], block.values[i])
+                for i, topic in enumerate(self.topics)
+            ])
+        )  # fmt: skip
+
+    def _append_rows(self, rows: ByteArray) -> None:
+        """Append the records of the next ticks, a tick a row, and end each chunk where it is due."""
         done = 0
         while done < len(rows):
             room = self._chunk_ticks - self._next % self._chunk_ticks
@@ -259,20 +294,20 @@ class BagWriter:
         self._lengths.append(9 + length)
         self._bytes += 9 + length
 
-    def _records(self, block: Block) -> ByteArray:
-        """Return the message records of each tick of ``block`` as a row."""
-        count = len(block)
-        ticks = np.arange(block.first, block.first + count)
+    def _records(self, first: int, messages: Sequence[ByteArray]) -> ByteArray:
+        """Return the records of whole ticks as rows; ``messages``: a topic's, a tick a row."""
+        count = len(messages[0])
+        ticks = np.arange(first, first + count)
         parts = []
-        for i, topic in enumerate(self.topics):
+        for i, data in enumerate(messages):
             head = np.empty(count, RECORD_HEAD)
             head['opcode'] = 5
-            head['length'] = MESSAGE_FIXED + topic.codec.size
+            head['length'] = MESSAGE_FIXED + data.shape[1]
             head['channel'] = i + 1
             head['sequence'] = ticks + 1
             head['log_time'] = head['publish_time'] = T0_NS + ticks * self._period_ns
             parts.append(head.view(np.uint8).reshape(count, RECORD_HEAD.itemsize))
-            parts.append(topic.codec.encode_block(block.stamps[i], block.values[i]))
+            parts.append(data)
         return np.concatenate(parts, axis=1)
 
     def _append(self, rows: ByteArray, first: int) -> None:

@@ -33,6 +33,7 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.graph import message_class, qos_profile
 from flexarm_ros.nodes.status import printable
+import numpy as np
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
@@ -137,7 +138,7 @@ class Input:
         """Take the layout and the stamps of the agreed scenario."""
         self.topic = topic
         self._decode = topic.codec.decode_any
-        self._stamp_ns = timeline.stamp_ns
+        self._stamp_ns, self._period_ns = timeline.stamp_ns, timeline.period_ns
         self._exact = topic.node not in SENSORS
 
     def drain(self) -> None:
@@ -171,21 +172,29 @@ class Input:
 
     def _accept(self, data: bytes, info: dict[str, Any]) -> str:
         """Make ``data`` from the middleware the next message, or say what is wrong with it."""
-        sender = info.get('publisher_gid')
-        if self.accepted and sender is not None and sender['data'][:16] != self.accepted:
+        if not self._ours(info):
             return self._unwanted
-        number = info.get('publication_sequence_number')
-        if number is not None:
-            if self._sequence is not None and number != self._sequence + 1:
-                raise RunFailed(
-                    self.source, f'tick {self.tick + 1}: a message on {self.topic.name} is lost'
-                )
-            self._sequence = number
+        self._count(info, self.tick + 1)
         try:
             stamp, values = self._decode(data)
         except ValueError as error:
             return printable(str(error), _FAULT_LENGTH)  # what a stranger wrote is in it
         return self._judge(data, stamp, values)
+
+    def _ours(self, info: dict[str, Any]) -> bool:
+        """Whether a message comes from the publisher that this run has for the topic."""
+        sender = info.get('publisher_gid')
+        return not self.accepted or sender is None or sender['data'][:16] == self.accepted
+
+    def _count(self, info: dict[str, Any], tick: int) -> None:
+        """Raise `RunFailed` where a message between the last one and this, of ``tick``, is lost."""
+        number = info.get('publication_sequence_number')
+        if number is not None:
+            if self._sequence is not None and number != self._sequence + 1:
+                raise RunFailed(
+                    self.source, f'tick {tick}: a message on {self.topic.name} is lost'
+                )
+            self._sequence = number
 
     def _judge(self, data: bytes, stamp: int, values: Values) -> str:
         """Make this the message of the next tick, or say what is wrong with it."""
@@ -201,15 +210,78 @@ class Input:
         self.tick, self.data, self.values = tick, data, values
         return ''
 
+    def fetch_block(self, until: int, into: list[bytes]) -> None:
+        """Take the messages up to tick ``until`` that have come, and append them to ``into``.
+
+        As `fetch` for each, but what is as it should be is judged together.  ``values``
+        are not kept.
+        """
+        while self.tick < until:
+            taken: list[bytes] = []
+            try:
+                self._take_block(min(until - self.tick, _MOST_MESSAGES), taken)
+            finally:
+                if not self._judge_block(taken):
+                    self._judge_each(taken, into)
+                else:
+                    into += taken
+            if not taken:
+                return
+
+    def _take_block(self, most: int, taken: list[bytes]) -> None:
+        """Append up to ``most`` messages of our publisher to ``taken``, undecoded."""
+        if self.near:
+            for _ in range(min(most, len(self.arrived))):
+                taken.append(self.arrived.popleft()[0])
+            return
+        for _ in range(_MOST_MESSAGES):
+            message = self._take(self._type, True) if len(taken) < most else None
+            if message is None:
+                return
+            data, info = message
+            if self._ours(info):
+                self._count(info, self.tick + 1 + len(taken))
+                taken.append(data)
+            else:
+                self._participant.invalid_message(self.topic.name, self._unwanted)
+
+    def _judge_block(self, messages: Sequence[bytes]) -> bool:
+        """Make these the messages of the next ticks; False, and nothing done, where one is not."""
+        if not messages:
+            return True
+        try:
+            stamps, values = self.topic.codec.decode_block(messages)
+        except ValueError:
+            return False
+        first, last = self.tick + 1, self.tick + len(messages)
+        ahead = stamps - self._stamp_ns(first) - self._period_ns * np.arange(len(messages))
+        rising = not self._rising or (np.diff(stamps, prepend=self._last_stamp) > 0).all()
+        if not rising or not np.isfinite(values).all() or (ahead > 0).any():
+            return False
+        if self._exact and ahead.any():
+            return False
+        self.tick, self.data, self._last_stamp = last, messages[-1], int(stamps[-1])
+        return True
+
+    def _judge_each(self, messages: Sequence[bytes], into: list[bytes]) -> None:
+        """Append those that are messages of the run to ``into``; the others are invalid."""
+        for data in messages:
+            try:
+                fault = self._judge(data, *self._decode(data))
+            except ValueError as error:
+                fault = printable(str(error), _FAULT_LENGTH)
+            if fault:
+                self._participant.invalid_message(self.topic.name, fault)
+            else:
+                into.append(data)
+
     def look(self) -> None:
         """Where messages are handed over: see who else publishes here, throw the copies away."""
         for _ in range(_MOST_MESSAGES):
             taken = self._take(self._type, True) if self.near else None
             if taken is None:
                 return
-            sender = taken[1].get('publisher_gid')
-            ours = sender is None or sender['data'][:16] == self.accepted
-            if self._unwanted and not ours:
+            if self._unwanted and not self._ours(taken[1]):
                 self._participant.invalid_message(self.topic.name, self._unwanted)
 
     def bind(self, endpoints: Sequence[Any], foreign: bool) -> None:

@@ -31,7 +31,10 @@ from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressOutput
 
 _LOOK_S = 0.02
-"""Wall time between two batches: the queues hold many ticks, waking at each would cost most."""
+"""Longest wall time between two batches: waking at each message would cost most."""
+
+_BATCH = 64
+"""Ticks wanted in a batch: well below those that the plant may be ahead (`plant`)."""
 
 
 class RecorderNode(Participant):
@@ -52,13 +55,14 @@ class RecorderNode(Participant):
         self._name = str(self.get_parameter('name').value or '')
         self._recording: Recording | None = None
         self._first_wall: float | None = None
-        self._due = 0.0
+        self._due, self._look_s = 0.0, _LOOK_S
 
     def build(self) -> None:
         """Create the run's directory; nothing is ever overwritten."""
         self._first_wall, self._wall = None, 0.0
         try:
             if self._recording is not None:
+                self._write_ragged_end(self._recording)
                 self._recording.set_aside(self.epochs.number)
             directory = self._recording.directory if self._recording else self._directory()
             if self._recording is None and not self.supervisor.present:
@@ -68,7 +72,9 @@ class RecorderNode(Participant):
             )
         except (OSError, BagError) as error:
             raise RunFailed('recorder', f'start: {error}') from None
-        self._entries = list(enumerate(self.inputs.values()))
+        self._entries = list(self.inputs.values())
+        self._written = 0
+        self._waiting: list[list[bytes]] = [[] for _ in self._entries]
         self.supervisor.report(self.ROLE, directory=str(self._recording.directory))
 
     def _directory(self) -> Path:
@@ -78,10 +84,15 @@ class RecorderNode(Participant):
 
     def advance(self) -> bool:
         """Write whatever has arrived, now and then."""
-        if time.monotonic() < self._due:
+        now = time.monotonic()
+        if now < self._due:
             return False
-        self._due = time.monotonic() + _LOOK_S
-        if not self._record():
+        passed, before = now - self._due + self._look_s, self.tick
+        moved = self._record()
+        if moved:
+            self._look_s = min(_LOOK_S, passed * _BATCH / (self.tick - before))
+        self._due = now + self._look_s
+        if not moved:
             return False
         self._progress.tell(self.tick)
         self.check_end()
@@ -91,27 +102,29 @@ class RecorderNode(Participant):
         """Write what is in the queues; False where no further tick is whole by that."""
         recording = self._recording
         assert recording is not None
-        state, arrived = self.inputs['plant/state'], []
+        state = self.inputs['plant/state']
         last = self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
+        failure: RunFailed | None = None
         try:
-            for index, entry in self._entries:
-                tick = entry.tick + 1
+            for entry, waiting in zip(self._entries, self._waiting, strict=True):
                 # References come ahead of time: none is kept that the run may not reach.
                 until = min(last, state.tick) if entry.source == 'trajectory' else last
-                while tick <= until and entry.fetch(tick):
-                    arrived.append((index, tick, entry.data))
-                    tick += 1
+                try:
+                    entry.fetch_block(until, waiting)
+                except RunFailed as error:  # what has come on the others is on record all the same
+                    failure = failure or error
             # Whoever changes a parameter tells so before it answers the tick (`live`), so
             # what came with these messages is here now.
             for change in self._changes.take():
                 recording.write_change(change)
-            for index, tick, data in arrived:
-                recording.write(index, tick, data)
+            self._write_whole_ticks(recording)
         except BagError as error:
             recording.abandon()
             self._recording = None
             raise RunFailed('recorder', f'tick {self.tick}: {error}') from None
-        complete = min(entry.tick for _, entry in self._entries) + 1
+        if failure is not None:
+            raise failure
+        complete = min(entry.tick for entry in self._entries) + 1
         if complete == self.tick:
             return False
         now = time.monotonic()
@@ -122,6 +135,21 @@ class RecorderNode(Participant):
         self.supervisor.report(self.ROLE, tick=complete)
         return True
 
+    def _write_whole_ticks(self, recording: Recording) -> None:
+        count = min(len(waiting) for waiting in self._waiting)
+        if count:
+            recording.write_ticks(self._written, [waiting[:count] for waiting in self._waiting])
+            self._written += count
+            for waiting in self._waiting:
+                del waiting[:count]
+
+    def _write_ragged_end(self, recording: Recording) -> None:
+        """Write what there is of ticks that are not whole."""
+        for index, waiting in enumerate(self._waiting):
+            for tick, data in enumerate(waiting, self._written):
+                recording.write(index, tick, data)
+            waiting.clear()
+
     def close(self) -> None:
         """Finish the bag and the files beside it."""
         if self._recording is None:
@@ -130,6 +158,7 @@ class RecorderNode(Participant):
             self._record()
         if self._recording is None:
             return
+        self._write_ragged_end(self._recording)
         self._recording.close()
         if not self.supervisor.present:  # by hand: nobody else finishes the directory
             self._finish_directory()
@@ -150,7 +179,7 @@ class RecorderNode(Participant):
 
     def nap(self, now: float) -> float:
         """Sleep between batches."""
-        return _LOOK_S
+        return max(0.0, self._due - now) if self.under_way else super().nap(now)
 
     def blocked_on(self) -> list[Any]:
         """Sleep: messages are taken in batches."""
