@@ -132,7 +132,8 @@ class BagWriter:
             self._emit(self._next)
 
     def write_ticks(self, first: int, columns: Sequence[Sequence[bytes]]) -> None:
-        """Take the ticks from ``first`` on, whole: the serialized messages of each topic in order.
+        """
+        Take the ticks from ``first`` on, whole: the serialized messages of each topic in order.
 
         Equal to as many calls of :meth:`write`, several times as fast.
         """
@@ -182,7 +183,7 @@ class BagWriter:
         )  # fmt: skip
 
     def _append_rows(self, rows: ByteArray) -> None:
-        """Append the records of the next ticks, a tick a row, and end each chunk where it is due."""
+        """Append the records of the next ticks, a tick a row; end each chunk where it is due."""
         done = 0
         while done < len(rows):
             room = self._chunk_ticks - self._next % self._chunk_ticks

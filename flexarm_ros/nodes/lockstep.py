@@ -187,7 +187,7 @@ class Input:
         return not self.accepted or sender is None or sender['data'][:16] == self.accepted
 
     def _count(self, info: dict[str, Any], tick: int) -> None:
-        """Raise `RunFailed` where a message between the last one and this, of ``tick``, is lost."""
+        """Raise `RunFailed` where a message between the last one and ``tick``'s is lost."""
         number = info.get('publication_sequence_number')
         if number is not None:
             if self._sequence is not None and number != self._sequence + 1:
@@ -211,7 +211,8 @@ class Input:
         return ''
 
     def fetch_block(self, until: int, into: list[bytes]) -> None:
-        """Take the messages up to tick ``until`` that have come, and append them to ``into``.
+        """
+        Take the messages up to tick ``until`` that have come, and append them to ``into``.
 
         As `fetch` for each, but what is as it should be is judged together.  ``values``
         are not kept.

@@ -185,7 +185,8 @@ class Participant(Node):
         return moved
 
     def blocked_on(self) -> list[Any]:
-        """Return the handles to wait on: the missing input, or the peers' status.
+        """
+        Return the handles to wait on: the missing input, or the peers' status.
 
         While a run goes on the status is looked at now and then only: a node that
         slept on it would be woken again and again by a word that it has not taken.

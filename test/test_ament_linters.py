@@ -1,0 +1,45 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The linters of ROS 2 on the whole package, where they are installed: `colcon test` runs them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+ASIDE = ('build', 'install', 'log')
+LINTERS = ('ament_copyright', 'ament_flake8', 'ament_pep257')
+
+
+def sources() -> list[str]:
+    """Return the package's files and folders with Python code; not .venv, not what is built."""
+    found = [path for path in ROOT.iterdir() if path.name not in ASIDE and path.name[0] != '.']
+    return sorted(str(path) for path in found if path.is_dir() or path.suffix == '.py')
+
+
+@pytest.mark.parametrize('linter', LINTERS)
+def test_linter_finds_nothing(linter: str, capfd: pytest.CaptureFixture[str]) -> None:
+    reason = f'{linter} is part of ROS 2 (ros-DISTRO-{linter.replace("_", "-")}), not of PyPI'
+    main = pytest.importorskip(f'{linter}.main', reason=reason).main
+    status = main(argv=sources())
+    assert status == 0, ''.join(capfd.readouterr())
+
+
+def test_they_are_told_to_rosdep() -> None:
+    manifest = (ROOT / 'package.xml').read_text()
+    for linter in LINTERS:
+        assert f'<test_depend>{linter}</test_depend>' in manifest
