@@ -95,6 +95,7 @@ EXTRAS = {
         *VIEW,
         'websockets',  # a browser's side of the live view, in tests
     ],
+    'test': ['hypothesis', 'pytest'],  # by this name `colcon test` tells that pytest is to run
     'docs': DOCS,
     'view': VIEW,
     'notebook': NOTEBOOK,

@@ -20,6 +20,7 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import pytest
 from test_packaging_wheel import copy_sources, EXECUTABLES, ROOT
@@ -77,6 +78,20 @@ def test_package_is_ament_python_and_sourced(workspace: Path) -> None:
     assert prefixes.split(os.pathsep)[0] == str(prefix)
     assert command == str(prefix / 'bin' / 'flexarm')
     assert str(workspace) in module
+
+
+def test_colcon_test_runs_pytest(workspace: Path) -> None:
+    folder = workspace / 'src' / 'flexarm_ros' / 'test'
+    folder.mkdir()
+    (folder / 'test_it.py').write_text('def test_it():\n    import flexarm_ros\n')
+    tested = subprocess.run(
+        [COLCON, '--log-base', workspace / 'log', 'test'],
+        cwd=workspace, env=environment(), capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert tested.returncode == 0, tested.stderr
+    results = ElementTree.parse(workspace / 'build' / 'flexarm_ros' / 'pytest.xml')
+    (suite,) = results.getroot().iter('testsuite')
+    assert (suite.get('tests'), suite.get('failures'), suite.get('errors')) == ('1', '0', '0')
 
 
 def test_commands_and_executables_work(workspace: Path) -> None:
