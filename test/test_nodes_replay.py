@@ -114,7 +114,7 @@ def replay(*words: str | Path) -> subprocess.Popen[str]:
 
 def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener) -> None:
     from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-    from rcl_interfaces.srv import SetParameters
+    from rcl_interfaces.srv import DescribeParameters, SetParameters
     from std_srvs.srv import Trigger
 
     listener.hear(0, 1, 5)
@@ -135,6 +135,13 @@ def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener)
             change = [Parameter(name='rate', value=held)]
             answer = listener.call('set_parameters', SetParameters, parameters=change)
             assert answer.results[0].successful is accepted, answer
+        names = ['rate', 'start', 'bag']
+        told = listener.call('describe_parameters', DescribeParameters, names=names).descriptors
+        assert [d.read_only for d in told] == [False, True, True]
+        for rate_or_start in told[:2]:
+            (limits,) = rate_or_start.floating_point_range
+            assert (limits.from_value, limits.to_value) == (0.0, 1e6)
+        assert told[1].description.endswith('[s]')
     except BaseException:
         player.kill()
         raise

@@ -44,14 +44,29 @@ OF_ROS = ('qos_overrides.', 'use_sim_time', 'start_type_description')
 
 @dataclass(frozen=True)
 class Own:
-    """A parameter of one node that is no part of a scenario: text, whole number or number."""
+    """A parameter of one node that is no part of a scenario: text, number or true or false."""
 
-    default: str | int | float
+    default: str | bool | int | float
     doc: str
     unit: str = ''
     low: float = 0.0
     high: float = 0.0
     live: bool = False
+
+    def describe(self) -> ParameterDescriptor:
+        """Return what `ros2 param describe` says."""
+        descriptor = ParameterDescriptor(
+            description=self.doc + (f' [{self.unit}]' if self.unit else ''),
+            read_only=not self.live,
+        )
+        if isinstance(self.default, float):
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=self.low, to_value=self.high)
+            ]
+        elif isinstance(self.default, int) and not isinstance(self.default, bool):
+            low, high = int(self.low), int(self.high)
+            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+        return descriptor
 
     def read(self, name: str, text: str) -> str | int | float:
         """Return the value that a command line gives, as YAML; ScenarioError if not allowed."""
@@ -141,18 +156,8 @@ def declare_own(node: Node, role: str, parameters: Map[str, Own], argv: list[str
     """
     given = dict(assignments(argv, node.get_name()))
     for key, own in parameters.items():
-        descriptor = ParameterDescriptor(
-            description=own.doc + (f' [{own.unit}]' if own.unit else ''), read_only=not own.live
-        )
-        if isinstance(own.default, float):
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=own.low, to_value=own.high)
-            ]
-        elif isinstance(own.default, int):
-            low, high = int(own.low), int(own.high)
-            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
         value = own.read(f'{role}.{key}', given[key]) if key in given else own.default
-        node.declare_parameter(key, value, descriptor, ignore_override=True)
+        node.declare_parameter(key, value, own.describe(), ignore_override=True)
 
 
 def _declare(node: Node, key: str, spec: Spec, value: Any) -> None:

@@ -20,23 +20,33 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from flexarm_ros.nodes.parameters import assignments, OF_ROS
+from flexarm_ros.nodes.parameters import assignments, OF_ROS, Own
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
-PARAMETERS: dict[str, tuple[Any, str]] = {
-    'bag': ('', 'the run: its directory, or the bag in it'),
-    'rate': (1.0, 'multiple of real time; 0: as fast as it goes; may change while playing'),
-    'start': (0.0, 'simulated time to start from [s]'),
-    'loop': (False, 'start again at the end'),
-    'paused': (False, 'wait for the service ~/resume or ~/play_next before the first tick'),
-    'topics': ('', 'topics to publish beside /clock, comma separated; empty: all'),
-    'without': ('', 'controller: leave the torque to another node, in lock-step'),
-    'delay': (1.0, 'wall time to wait for subscribers before the first message [s]'),
-    'tick_timeout': (5.0, 'wall time that the controller may take to answer a tick [s]'),
-}
 MOST = 1e6
 """Largest value of a parameter that is a number."""
+
+PARAMETERS = {
+    'bag': Own('', 'the run: its directory, or the bag in it'),
+    'rate': Own(
+        1.0, 'multiple of real time; 0: as fast as it goes; may change while playing', high=MOST,
+        live=True,
+    ),
+    'start': Own(0.0, 'simulated time to start from', 's', high=MOST),
+    'loop': Own(False, 'start again at the end'),
+    'paused': Own(False, 'wait for the service ~/resume or ~/play_next before the first tick'),
+    'topics': Own('', 'topics to publish beside /clock, comma separated; empty: all'),
+    'without': Own(
+        '', 'controller: leave the torque to another node, in lock-step; empty: play it too'
+    ),
+    'delay': Own(
+        1.0, 'wall time to wait for subscribers before the first message', 's', high=MOST
+    ),
+    'tick_timeout': Own(
+        5.0, 'wall time that the controller may take to answer a tick', 's', high=MOST
+    ),
+}  # fmt: skip
 
 
 class PlayerError(Exception):
@@ -68,14 +78,14 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
         if name not in PARAMETERS and not name.startswith(OF_ROS):
             raise PlayerError(f"unknown parameter '{name}' (allowed: {', '.join(PARAMETERS)})")
     values: dict[str, Any] = {}
-    for name, (default, doc) in PARAMETERS.items():
-        descriptor = ParameterDescriptor(
-            description=doc,
-            read_only=name != 'rate',
-            dynamic_typing=True,  # rcl tells 2 from 2.0; the user need not
-        )
-        value = node.declare_parameter(name, default, descriptor).value
-        values[name] = _checked(name, value, default)
+    for name, own in PARAMETERS.items():
+        descriptor = own.describe()
+        descriptor.dynamic_typing = True  # rcl tells 2 from 2.0; the user need not
+        # Limits only after the check: rclpy's own words for a value outside name no parameter.
+        free = ParameterDescriptor(dynamic_typing=True)
+        value = node.declare_parameter(name, own.default, free).value
+        values[name] = _checked(name, value, own.default)
+        node.set_descriptor(name, descriptor)
     values['topics'] = tuple(word.strip() for word in values['topics'].split(',') if word.strip())
     options = PlayerOptions(**values)
     if not options.bag:
