@@ -116,6 +116,14 @@ class Codec:
             start += count
         if start != len(self.fields):
             raise ValueError(f'{type_name}: {start} slots for {len(self.fields)} fields')
+        self._constant = np.frombuffer(self._template, np.uint8)
+        self._fixed = np.frombuffer(bytes(0xFF * byte for byte in image.fixed), np.uint8)
+        runs = {f'run{i}': (f'{b - a}<f8', at) for i, (at, _, a, b) in enumerate(self._packs)}
+        parts = {'sec': ('<i4', _STAMP_OFFSET), 'nanosec': ('<u4', _STAMP_OFFSET + 4), **runs}
+        self._record = np.dtype({
+            'names': list(parts), 'formats': [form for form, _ in parts.values()],
+            'offsets': [at for _, at in parts.values()], 'itemsize': self.size,
+        })  # fmt: skip
 
     def encode(self, stamp_ns: int, *values: float) -> bytes:
         """Return the message with this stamp and ``values`` in order of ``fields``."""
@@ -180,26 +188,22 @@ class Codec:
         Messages of another layout go through :meth:`decode_any` one by one.
         """
         count = len(messages)
-        stamps = np.empty(count, np.int64)
-        values = np.empty((count, len(self.fields)))
-        same = [i for i, m in enumerate(messages) if len(m) == self.size]
-        rows = np.frombuffer(b''.join([messages[i] for i in same]), np.uint8)
-        rows = rows.reshape(len(same), self.size)
-        good = np.ones(len(same), bool)
-        for start, end, expected in self._constants:
-            good &= (rows[:, start:end] == np.frombuffer(expected, np.uint8)).all(axis=1)
-        rows, index = rows[good], np.asarray(same, np.int64)[good]
-        pair = np.ascontiguousarray(rows[:, _STAMP_OFFSET:_STAMP_END])
-        stamps[index] = pair[:, :4].copy().view('<i4')[:, 0].astype(np.int64) * _NS
-        stamps[index] += pair[:, 4:].copy().view('<u4')[:, 0]
-        for offset, _, start, end in self._packs:
-            run = np.ascontiguousarray(rows[:, offset:][:, : 8 * (end - start)])
-            values[index, start:end] = run.view('<f8')
-        fast = np.zeros(count, bool)
-        fast[index] = True
-        for i in np.flatnonzero(~fast).tolist():
-            stamps[i], values[i] = self.decode_any(messages[i])
+        whole = b''.join(messages)
+        if len(whole) == count * self.size and set(map(len, messages)) <= {self.size}:
+            rows = np.frombuffer(whole, np.uint8).reshape(count, self.size)
+            if not ((rows ^ self._constant) & self._fixed).any():
+                return self._fields_of(np.frombuffer(whole, self._record))
+        stamps, values = np.empty(count, np.int64), np.empty((count, len(self.fields)))
+        for i, data in enumerate(messages):
+            stamps[i], values[i] = self.decode_any(data)
         return stamps, values
+
+    def _fields_of(self, records: NDArray[np.void]) -> tuple[IntArray, FloatArray]:
+        """Return stamps and values of messages as records of `_record`."""
+        values = np.empty((len(records), len(self.fields)))
+        for i, (_, _, start, end) in enumerate(self._packs):
+            values[:, start:end] = records[f'run{i}']
+        return records['sec'].astype(np.int64) * _NS + records['nanosec'], values
 
 
 def _spans(fixed: bytearray) -> list[tuple[int, int]]:
