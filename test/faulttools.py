@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import json
 import os
 from pathlib import Path
+import re
 import sys
 import time
 
@@ -36,15 +37,17 @@ from flexarm_ros.nodes.trajectory import AHEAD
 from flexarm_ros.scenario.suite import Fault
 from mcap.reader import make_reader
 import pytest
+from respawntools import RestartPlan, Spare
 from rosbags.highlevel import AnyReader
 
 TICKS = 500
 CHUNK_TICKS = 50
-SIGNALS = ('kill', 'pause')
+SIGNALS = ('kill', 'pause', 'restart')
 OWN = ('raise', 'exit')
 NODE = Path(__file__).with_name('faulty_node.py')
 
-TICK_TIMEOUT_S = 2.0
+TICK_TIMEOUT_S = 5.0
+START_TIMEOUT_S = 20.0
 UNREAD_TICKS = 60
 """What a node has sent in the recorder's last 20 ms is gone when it ends without a word."""
 
@@ -72,6 +75,8 @@ class Faulted:
     """From the fault, or from the last recorded tick before it, to the end."""
     exits: dict[str, int]
     memory: set[str] = field(default_factory=set)
+    spare: Spare | None = None
+    """The node that was started again."""
 
 
 def faulty_run(
@@ -80,9 +85,10 @@ def faulty_run(
     """Fly half a second of ``fls_tip`` with one fault in the node ``role`` at ``tick``."""
     config = scenario.load(
         'fls_tip',
-        ['duration=0.5', f'tick_timeout={TICK_TIMEOUT_S}',
+        ['duration=0.5', f'tick_timeout={TICK_TIMEOUT_S}', f'start_timeout={START_TIMEOUT_S}',
          f'recorder.chunk_time={CHUNK_TICKS / 1000}'],
     )  # fmt: skip
+    spare: Spare | None = None
     memory: set[str] = set()
     exits: dict[str, int] = {}
     moved = [0.0, -1.0]
@@ -114,7 +120,12 @@ def faulty_run(
     patch.setattr(processes.NodeProcesses, '__exit__', closing)
     patch.setattr(run, 'node_command', commanding)
     timeline = Timeline.of(config.run)
-    plan = FaultPlan([Fault(tick / 1000, role, fault)], timeline) if fault in SIGNALS else None
+    plan = None
+    if fault == 'restart':
+        plan = RestartPlan([Fault(tick / 1000, role, 'kill')], timeline)
+        plan.spare = spare = Spare(directory.with_name('spare.log'))
+    elif fault in SIGNALS:
+        plan = FaultPlan([Fault(tick / 1000, role, fault)], timeline)
     outcome = run.run_scenario(
         config, 'fls_tip', directory, run.RunOptions(), watch=watching, faults=plan
     )
@@ -124,7 +135,7 @@ def faulty_run(
     assert summary['stable'] is not True or summary['ticks'] == TICKS
     assert summary['problem'] == outcome.problem
     check_bag(directory, config, summary['ticks'], gone=role)
-    return Faulted(directory, outcome.problem, summary['ticks'], took, exits, memory)
+    return Faulted(directory, outcome.problem, summary['ticks'], took, exits, memory, spare)
 
 
 def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = '') -> None:
@@ -152,6 +163,8 @@ def check_bag(directory: Path, config: RunConfig, ticks: int, gone: str = '') ->
     # where the recorder stood still: by the time it reads on, the others have gone with theirs.
     missing = {path for path in paths if (ticks, path) not in by_tick}
     lost = {t.path for t in per_tick_topics(config) if gone in (t.node, 'recorder')}
+    if gone == 'plant':  # references are kept as far as there are states
+        lost |= {t.path for t in per_tick_topics(config) if t.node == 'trajectory'}
     if not missing <= lost:
         assert max((tick for tick, _ in by_tick), default=-1) <= ticks, sorted(by_tick)[-12:]
     verdict = verify(directory)
@@ -169,17 +182,18 @@ def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
     assert said.startswith(f'{role}: tick '), said
     assert '\n' not in said
     assert len(said) < 400
-    why = {'kill': 'killed by SIGKILL', 'raise': 'ZeroDivisionError: a fault on purpose',
-           'exit': 'ended with exit status 0', 'pause': 'within'}  # fmt: skip
+    why = {'kill': 'killed by SIGKILL', 'restart': 'killed by SIGKILL', 'pause': 'within',
+           'raise': 'ZeroDivisionError: a fault on purpose',
+           'exit': 'ended with exit status 0'}  # fmt: skip
     assert why[fault] in said
     named = int(said.split()[2].rstrip(':'))
     # The plant's state of a tick is out before its own turn comes again. The trajectory publishes
     # AHEAD ticks beyond what it heard of, and the plant flies AHEAD ticks at most beyond that.
     ahead = {'plant': 1, 'trajectory': 2 * AHEAD, 'recorder': RECORDER_WINDOW}.get(role, 0)
-    unread = UNREAD_TICKS if fault in ('exit', 'kill') else 0
+    unread = UNREAD_TICKS if fault in ('exit', 'kill', 'restart') else 0
     assert tick - max(ahead, unread) <= named <= min(tick + ahead, TICKS), said
     # A recorder that ends without a word has its last chunk in memory.
-    lost = CHUNK_TICKS if role == 'recorder' and fault in ('exit', 'kill') else 0
+    lost = CHUNK_TICKS if role == 'recorder' and fault in ('exit', 'kill', 'restart') else 0
     assert done.ticks >= min(tick, named) - lost - 1
     # The plant leaves when it is done, though the recorder, which is behind it, stands still.
     limit = LIMIT_S + (run.LEAVING_S - TICK_TIMEOUT_S + AHEAD_S) * ('did not leave' in said)
@@ -189,3 +203,19 @@ def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
     left = [name for name in done.memory if (litter.FOLDER / name).exists()]
     left = [name for name in left if not litter.in_use(litter.FOLDER / f'{name}_el')]
     assert not left, left
+
+
+def check_spare(done: Faulted) -> None:
+    """See that the node that was started again leaves with one clear line, and changes nothing."""
+    assert done.spare is not None
+    before = contents(done.directory)
+    said = done.spare.end(2 * START_TIMEOUT_S + 30.0 * load())
+    assert done.spare.process.returncode == 1, said
+    (line,) = said.splitlines()
+    assert re.search(r'refused: |start: no \S.* joined within 20 s', line), said
+    assert contents(done.directory) == before
+
+
+def contents(directory: Path) -> dict[Path, bytes]:
+    """Return every file below ``directory``."""
+    return {path: path.read_bytes() for path in directory.rglob('*') if path.is_file()}

@@ -19,7 +19,7 @@ from __future__ import annotations
 from itertools import product
 from pathlib import Path
 
-from faulttools import check_end, faulty_run, OWN, SIGNALS
+from faulttools import check_end, check_spare, faulty_run, OWN, SIGNALS
 from flexarm_ros.launcher.processes import NodeProcesses
 from nodetools import ROLES
 import pytest
@@ -32,7 +32,7 @@ QUICK = [
     ('plant', 'kill', EARLY), ('plant', 'raise', MIDDLE), ('encoder', 'pause', EARLY),
     ('encoder', 'exit', MIDDLE), ('tip_sensor', 'raise', LATE), ('trajectory', 'exit', EARLY),
     ('controller', 'kill', MIDDLE), ('controller', 'pause', LATE), ('recorder', 'kill', LATE),
-    ('recorder', 'raise', EARLY),
+    ('recorder', 'raise', EARLY), ('plant', 'restart', MIDDLE), ('recorder', 'restart', EARLY),
 ]  # fmt: skip
 """Every node, every fault and every time at least once."""
 
@@ -42,7 +42,11 @@ def test_a_fault_ends_the_run(
     role: str, fault: str, tick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done = faulty_run(monkeypatch, tmp_path / 'run', role, fault, tick)
-    check_end(done, role, fault, tick)
+    try:
+        check_end(done, role, fault, tick)
+    finally:
+        if done.spare is not None:
+            check_spare(done)
 
 
 @pytest.mark.slow
@@ -51,7 +55,11 @@ def test_every_other_fault_ends_the_run(
     role: str, fault: str, tick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done = faulty_run(monkeypatch, tmp_path / 'run', role, fault, tick)
-    check_end(done, role, fault, tick)
+    try:
+        check_end(done, role, fault, tick)
+    finally:
+        if done.spare is not None:
+            check_spare(done)
 
 
 def test_who_blames_another_is_not_silent_himself(tmp_path: Path) -> None:
@@ -68,6 +76,6 @@ def test_who_blames_another_is_not_silent_himself(tmp_path: Path) -> None:
 
 
 def test_the_quick_cases_cover_each_node_fault_and_time() -> None:
-    assert len(CASES) == 72
+    assert len(CASES) == 90
     for place, values in enumerate((ROLES, (*SIGNALS, *OWN), (EARLY, MIDDLE, LATE))):
         assert {case[place] for case in QUICK} == set(values)

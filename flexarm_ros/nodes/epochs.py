@@ -31,11 +31,17 @@ if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
 _KEY = 'epoch'
+_PLANT = 'plant'
 
 
 def epoch_of(status: Status | None) -> int:
     """Return the epoch that a participant is in."""
     return int(status.extra.get(_KEY, '0')) if status is not None else 0
+
+
+def plant_of(status: Status) -> str:
+    """Return the identity of the plant that a participant flies with; empty while it joins."""
+    return status.extra.get(_PLANT, '')
 
 
 class Epochs:
@@ -47,7 +53,8 @@ class Epochs:
 
     def extra(self, **more: str) -> dict[str, str]:
         """Return what the status says beside the phase."""
-        return {_KEY: str(self.number), **more}
+        plant = self._me.membership.status_of('plant')
+        return {_KEY: str(self.number), _PLANT: plant.identity if plant else '', **more}
 
     def announced(self) -> bool:
         """Whether the plant is in a later epoch than this node."""
@@ -63,6 +70,7 @@ class Epochs:
             entry.reset()
         me.live.restore()
         me.build()
+        me.still_waiting()
         me.change_phase(Phase.RESETTING, extra=self.extra())
 
     def settled(self) -> bool:

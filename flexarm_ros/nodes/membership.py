@@ -16,11 +16,12 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
-from flexarm_ros.nodes.epochs import epoch_of
+from flexarm_ros.nodes.epochs import epoch_of, plant_of
 from flexarm_ros.nodes.graph import OUTPUT, READERS, readers, ROLES
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.status import Board, Phase, Status
@@ -48,6 +49,7 @@ class Membership:
         self._newcomers = -1
         self._foreign_since: dict[str, float] = {}
         self._silent_since: dict[bytes, float] = {}
+        self._unmatched_since: float | None = None
         self.foreign: set[str] = set()
         self._members: dict[str, str] = {}
 
@@ -129,6 +131,14 @@ class Membership:
         if plant is not None and plant.phase in _BEGUN:
             # It waits for all before it begins: the seat is, or was, somebody else's.
             self._refuse(f'this run has begun already; a new {role} cannot join it')
+        if role == 'plant':
+            self._refuse_a_second_plant()
+
+    def _refuse_a_second_plant(self) -> None:
+        """Leave if a peer flies with another plant, which may have died since."""
+        for other in self._board.others.values():
+            if not other.phase.over and plant_of(other) not in ('', self._board.mine.identity):
+                self._refuse(f'{other.node} takes part in a run with another plant')
 
     def _refuse(self, why: str) -> NoReturn:
         self.refused = True
@@ -203,11 +213,18 @@ class Membership:
 
     # --- connections -------------------------------------------------------------------
 
-    def matched(self) -> bool:
+    def matched(self, now: float) -> bool:
         """Whether every input has its publisher and every output all its readers."""
-        return all(self._input_matched(i) for i in self._me.inputs.values()) and all(
-            self._output_matched(o) for o in self._me.outputs.values()
-        )
+        inputs = (i.topic.name for i in self._me.inputs.values() if not self._input_matched(i))
+        outputs = (o.topic.name for o in self._me.outputs.values() if not self._output_matched(o))
+        late = next(chain(inputs, outputs), None)
+        if late is None:
+            return True
+        self._unmatched_since = now if self._unmatched_since is None else self._unmatched_since
+        limit = self._me.config.run.start_timeout
+        if now - self._unmatched_since > limit:
+            raise RunFailed('', f'start: {late} is not connected within {limit:g} s')
+        return False
 
     def _input_matched(self, entry: Any) -> bool:
         endpoints = self._me.get_publishers_info_by_topic(entry.subscription.topic_name)

@@ -38,6 +38,7 @@ from rclpy.node import Node
 _JOIN_INTERVAL_S = 0.02
 _STALL_S = 0.5
 _FLUSH_S = 4.0
+_FAILED_FLUSH_S = 1.0
 _SLOW_S = 1.0
 """Wall time of a tick from which on diagnostics tell what it waits for."""
 
@@ -252,9 +253,9 @@ class Participant(Node):
             self.build()
             self.rehearse()
             self.membership.built = True
-        if self.membership.matched():
+        if self.membership.matched(now):
             self.membership.settle()
-            self.change_phase(Phase.READY)
+            self.change_phase(Phase.READY, extra=self.epochs.extra())
             self._moved = self._ready_at = now
             self.look_interval = _JOIN_INTERVAL_S
             self.check_start(now)
@@ -266,6 +267,19 @@ class Participant(Node):
             self.change_phase(Phase.READY, extra=self.epochs.extra())
             self._moved = self._ready_at = now
             self.check_start(now)
+        else:
+            self.check_patience(now)
+
+    def still_waiting(self) -> None:
+        """Let the time limits count from now on."""
+        self._moved = time.monotonic()
+
+    def check_patience(self, now: float) -> None:
+        """Raise RunFailed where the peers have not been ready for too long."""
+        limit = self.config.run.start_timeout
+        if now - self._moved > limit:
+            late = self.membership.not_ready() or ['']
+            raise RunFailed(late[0], f'start: {", ".join(late)} not ready within {limit:g} s')
 
     def _check_running(self, now: float) -> None:
         self.look_interval = HOUSEKEEPING_S
@@ -367,7 +381,7 @@ class Participant(Node):
         if self.invalid:
             self.get_logger().warning(f'{self.invalid} invalid messages in all')
 
-    def flush(self) -> None:
+    def flush(self, limit_s: float = _FLUSH_S) -> None:
         """
         Wait until every reader has this node's messages, four seconds at the longest.
 
@@ -376,7 +390,7 @@ class Participant(Node):
         """
         from rclpy.duration import Duration
 
-        deadline = time.monotonic() + (2.0 if self.interrupted else _FLUSH_S)
+        deadline = time.monotonic() + min(limit_s, 2.0 if self.interrupted else limit_s)
         for output in [*self.outputs.values(), *self.side_outputs]:
             left = max(0.0, deadline - time.monotonic())
             output.publisher.wait_for_all_acked(Duration(seconds=left))
@@ -408,6 +422,7 @@ class Participant(Node):
             self._close()
         except Exception as error:  # the run has failed already, for another reason
             self.get_logger().error(describe(error))
+        self.flush(_FAILED_FLUSH_S)  # what this node has sent is to be on record
         self.board.flush(1.0)
         self.diagnostics.tell()
 

@@ -23,7 +23,6 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.parameters import Own
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
@@ -95,12 +94,8 @@ class PlantNode(Participant):
         if self.membership.all_ready(self.epochs.number):
             self.control.begin(0)
             self._tell(Phase.RUNNING)
-        elif now - self._moved > self.config.run.start_timeout:
-            late = self.membership.not_ready()
-            raise RunFailed(
-                late[0],
-                f'start: {", ".join(late)} not ready within {self.config.run.start_timeout:g} s',
-            )
+        else:
+            self.check_patience(now)
 
     def advance(self) -> bool:
         """Integrate with the torque that answers the last state, then publish the next one."""

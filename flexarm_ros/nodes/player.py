@@ -35,6 +35,7 @@ from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.topics import CLOCK, COMMAND
 from flexarm_ros.nodes.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class, qos_profile
+from flexarm_ros.nodes.leaving import leave_for_sure
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.pace import Pace
 from flexarm_ros.nodes.player_options import declare, number, PlayerError, PlayerOptions
@@ -242,6 +243,7 @@ def play(argv: list[str]) -> int:
         node.get_logger().info(f'played {node.played} ticks of {node.reader.path}')
         return 0
     finally:
+        leave_for_sure()
         executor.shutdown(timeout_sec=1.0)
         if services.ident is not None:
             services.join(timeout=2.0)

@@ -25,6 +25,7 @@ import sys
 import threading
 from typing import Any
 
+from flexarm_ros.nodes.leaving import leave_for_sure
 from flexarm_ros.nodes.lockstep import connect, spin
 from flexarm_ros.nodes.participant import describe, Participant
 from flexarm_ros.nodes.supervisor import Supervisor
@@ -103,6 +104,7 @@ def _run(names: list[str], argv: list[str]) -> int:
     try:
         spin(nodes)
     finally:
+        leave_for_sure()
         executor.shutdown(timeout_sec=1.0)
         services.join(timeout=1.0)
         for node in nodes:

@@ -36,6 +36,9 @@ _LOOK_S = 0.02
 _BATCH = 64
 """Ticks wanted in a batch: well below those that the plant may be ahead (`plant`)."""
 
+_LAST_WORDS_S = 0.3
+"""Wall time in which messages of a run that broke off may still come in."""
+
 
 class RecorderNode(Participant):
     """Takes the serialized bytes of all per-tick topics in batches and writes them."""
@@ -154,8 +157,12 @@ class RecorderNode(Participant):
         """Finish the bag and the files beside it."""
         if self._recording is None:
             return
+        deadline = time.monotonic() + (_LAST_WORDS_S if self.failure else 0.0)
         with suppress(RunFailed):  # of a run that breaks off, what was on its way
             self._record()
+            while self._recording is not None and time.monotonic() < deadline:
+                time.sleep(_LOOK_S)
+                self._record()
         if self._recording is None:
             return
         self._write_ragged_end(self._recording)

@@ -56,6 +56,8 @@ class TrajectoryNode(Participant):
         """Start when all are ready: who is still resetting would throw the first messages away."""
         if self.membership.all_ready(self.epochs.number):
             self.start()
+        else:
+            self.check_patience(now - 1.0)  # the plant knows better
 
     def retune(self, config: RunConfig) -> None:
         """Let the reference take the delay, from the first tick that is not published."""
@@ -81,6 +83,13 @@ class TrajectoryNode(Participant):
         """Sleep until the plant has come some way."""
         return [self._reached.handle] if self.under_way else super().blocked_on()
 
+    def waiting_for(self) -> tuple[str, str]:
+        """Blame the plant where it has left the graph without a word."""
+        return ('', '') if self._plant_there() else ('plant', f'no message on {TICK_TOPIC}')
+
     def patience_s(self) -> float:
-        """Blame nobody: nothing that this node waits for is due at a tick."""
-        return math.inf
+        """Blame nobody while the plant is there: nothing that this node waits for has its tick."""
+        return math.inf if self._plant_there() else 0.5
+
+    def _plant_there(self) -> bool:
+        return bool(self._reached.handle.get_publisher_count())

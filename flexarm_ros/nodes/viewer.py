@@ -36,6 +36,7 @@ from flexarm_ros.nodes import status
 from flexarm_ros.nodes.agreement import Disagreement, told_config
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class
+from flexarm_ros.nodes.leaving import leave_for_sure
 from flexarm_ros.nodes.parameters import assignments, declare_own, OF_ROS, Own, parameter_files
 from flexarm_ros.nodes.view_foxglove import FoxgloveView, ViewError
 from flexarm_ros.nodes.view_ros import RosView
@@ -180,6 +181,7 @@ def view(argv: list[str]) -> int:
         try:
             node.run()
         finally:
+            leave_for_sure()
             node.close()
             node.destroy_node()
     except (ViewError, scenario.ScenarioError) as error:
