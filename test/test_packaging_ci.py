@@ -52,19 +52,21 @@ def run_ci(tools: Path) -> tuple[subprocess.CompletedProcess[str], list[str]]:
 
 
 @pytest.mark.parametrize('status', [0, 1])
-def test_chromium_is_installed_where_that_goes(tools: Path, status: int) -> None:
+def test_what_tests_need_is_installed_where_that_goes(tools: Path, status: int) -> None:
     script(tools, 'apt-get', f'echo "apt-get $*" >>{tools}/log; exit {status}')
     done, log = run_ci(tools)
     assert done.returncode == 0
-    assert ('no Chromium' in done.stdout) == (status != 0)
+    for package in ('chromium', 'iproute2'):
+        assert (f'no {package}: ' in done.stdout) == (status != 0)
     asked = [line for line in log if line.startswith('apt-get')]
     assert asked[0] == 'apt-get -qq update'
-    assert any(line.endswith(' chromium') for line in asked) == (status == 0)
+    assert [line.split()[-1] for line in asked[1:]] == ['chromium', 'iproute2']
     assert log[-1] == 'make --no-print-directory test'
 
 
-def test_nothing_is_installed_where_chromium_is(tools: Path) -> None:
+def test_nothing_is_installed_where_all_is_there(tools: Path) -> None:
     script(tools, 'chromium', 'exit 0')
+    script(tools, 'ip', 'exit 0')
     script(tools, 'apt-get', f'echo "apt-get $*" >>{tools}/log')
     done, log = run_ci(tools)
     assert done.returncode == 0
