@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import contextlib
+import ctypes
 from dataclasses import dataclass, field
 import json
 import math
@@ -269,6 +270,16 @@ def _nearness(line: dict[str, Any]) -> int:
     return order.index(line['role']) if line['role'] in order else len(order)
 
 
+_LIBC = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1
+"""prctl(2): the signal that a process gets when the thread that started it has ended."""
+
+
+def _end_with_launcher() -> None:
+    """Ask the kernel, in the new process, for SIGTERM when the launcher is no more."""
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 def _start_foreign(
     command: Sequence[str], env: Mapping[str, str], log_file: Path
 ) -> subprocess.Popen[bytes]:
@@ -279,7 +290,7 @@ def _start_foreign(
     with open(log_file, 'wb') as log:
         return subprocess.Popen(
             command, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-            start_new_session=True,
+            start_new_session=True, preexec_fn=_end_with_launcher,
         )  # fmt: skip
 
 

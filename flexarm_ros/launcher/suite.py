@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed, ThreadPoolExecutor
 from dataclasses import dataclass, field
+import hashlib
 import os
 from pathlib import Path
 import re
@@ -38,6 +39,9 @@ from flexarm_ros.scenario.suite import Case, Suite
 
 CORES_PER_RUN = 2
 """A distributed run keeps about two cores busy; more side by side only slow one another."""
+
+_LONGEST_NAME = 200
+"""Characters of a directory's name; file systems allow 255."""
 
 NOT_STARTED = 'not started'
 
@@ -96,8 +100,16 @@ class SuiteResult:
 
 
 def case_directory(out: Path, name: str) -> Path:
-    """Return a case's directory; characters that a file name should not have become ``_``."""
-    return out / re.sub(r'[^A-Za-z0-9._=,\[\]-]', '_', name)
+    """
+    Return a case's directory, another one for each name.
+
+    Characters that a file name should not have become ``_``, and long names are cut;
+    a few digits that come from the whole name then tell such cases apart.
+    """
+    plain = re.sub(r'[^A-Za-z0-9._=,\[\]-]', '_', name)
+    if plain == name and len(name) <= _LONGEST_NAME:
+        return out / name
+    return out / f'{plain[:_LONGEST_NAME]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}'
 
 
 def default_jobs(suite: Suite) -> int:

@@ -16,16 +16,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import faulthandler
 
 _LIMIT_S = 15.0
 
 
-def leave_for_sure() -> None:
+@contextmanager
+def leaving() -> Iterator[None]:
     """
-    End this process within 15 s, with status 1 and what it waits for, if it does not by itself.
+    Give what is done here 15 s, then end this process with status 1 and tell what it waits for.
 
     Fast DDS takes locks of its own when publishers and participants are destroyed while messages
     come in, and may wait for itself for ever; no limit of ours holds there.
     """
     faulthandler.dump_traceback_later(_LIMIT_S, exit=True)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()

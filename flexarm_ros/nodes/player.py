@@ -35,7 +35,7 @@ from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.topics import CLOCK, COMMAND
 from flexarm_ros.nodes.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class, qos_profile
-from flexarm_ros.nodes.leaving import leave_for_sure
+from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.pace import Pace
 from flexarm_ros.nodes.player_options import declare, number, PlayerError, PlayerOptions
@@ -243,13 +243,13 @@ def play(argv: list[str]) -> int:
         node.get_logger().info(f'played {node.played} ticks of {node.reader.path}')
         return 0
     finally:
-        leave_for_sure()
-        executor.shutdown(timeout_sec=1.0)
-        if services.ident is not None:
-            services.join(timeout=2.0)
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        with leaving():
+            executor.shutdown(timeout_sec=1.0)
+            if services.ident is not None:
+                services.join(timeout=2.0)
+            if node is not None:
+                node.destroy_node()
+            rclpy.try_shutdown()
 
 
 def _complain(error: object, status: int) -> int:

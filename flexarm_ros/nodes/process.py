@@ -25,7 +25,7 @@ import sys
 import threading
 from typing import Any
 
-from flexarm_ros.nodes.leaving import leave_for_sure
+from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.lockstep import connect, spin
 from flexarm_ros.nodes.participant import describe, Participant
 from flexarm_ros.nodes.supervisor import Supervisor
@@ -78,7 +78,8 @@ def run_process(name: str, argv: list[str]) -> int:
         print(f'{name}: {" ".join(str(error).split())[:400]}', file=sys.stderr)
         return 1
     finally:
-        rclpy.try_shutdown()
+        with leaving():
+            rclpy.try_shutdown()
 
 
 def _composed(argv: list[str]) -> list[str]:
@@ -104,12 +105,12 @@ def _run(names: list[str], argv: list[str]) -> int:
     try:
         spin(nodes)
     finally:
-        leave_for_sure()
-        executor.shutdown(timeout_sec=1.0)
-        services.join(timeout=1.0)
-        for node in nodes:
-            node.tell_invalid()
-            node.destroy_node()
+        with leaving():
+            executor.shutdown(timeout_sec=1.0)
+            services.join(timeout=1.0)
+            for node in nodes:
+                node.tell_invalid()
+                node.destroy_node()
     return signals.status or (1 if any(n.failure or n.failed_run for n in nodes) else 0)
 
 

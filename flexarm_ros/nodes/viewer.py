@@ -36,7 +36,7 @@ from flexarm_ros.nodes import status
 from flexarm_ros.nodes.agreement import Disagreement, told_config
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class
-from flexarm_ros.nodes.leaving import leave_for_sure
+from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.parameters import assignments, declare_own, OF_ROS, Own, parameter_files
 from flexarm_ros.nodes.view_foxglove import FoxgloveView, ViewError
 from flexarm_ros.nodes.view_ros import RosView
@@ -181,12 +181,13 @@ def view(argv: list[str]) -> int:
         try:
             node.run()
         finally:
-            leave_for_sure()
-            node.close()
-            node.destroy_node()
+            with leaving():
+                node.close()
+                node.destroy_node()
     except (ViewError, scenario.ScenarioError) as error:
         print(f'viewer: {error}', file=sys.stderr)
         return 2
     finally:
-        rclpy.try_shutdown()
+        with leaving():
+            rclpy.try_shutdown()
     return caught
