@@ -57,6 +57,8 @@ class RunControl:
         self._resting = False
         """Paused, and the last tick that went out has been answered and integrated."""
         self._steps = 0
+        self.orders = 0
+        """How often somebody has paused, resumed or reset the run."""
         self.reset_wanted = False
         self.rtf = float(plant.get_parameter('real_time_factor').value or 0.0)
         self._anchor = (0.0, 0)
@@ -112,6 +114,7 @@ class RunControl:
             self._resting = self._resting and wanted
             self.paused = wanted
             self._steps = 0
+            self.orders += 1
             self.begin(self._plant.tick)
 
     def step(self, ticks: int) -> bool:
@@ -128,6 +131,7 @@ class RunControl:
         plant = self._plant
         if not self.going:
             return f'no run goes on ({plant.board.mine.phase.value})'
+        self.orders += 1
         self.reset_wanted = True
         return (
             ''
@@ -166,6 +170,12 @@ class RunControl:
     def stepping(self) -> bool:
         """Whether a paused run has ticks to finish: those asked for, or the one that was out."""
         return self.paused and not self._resting
+
+    @property
+    def steps_left(self) -> int:
+        """Return the steps of a paused run that are not done, the one that is out included."""
+        with self._lock:
+            return self._steps + (not self._resting)
 
     def _pause(self, request: Any, response: Any) -> Any:
         self.pause(bool(request.data))

@@ -17,8 +17,8 @@ The standard services of simulation_interfaces, where that package is installed.
 
 ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
 ``step_simulation`` and ``reset_simulation``, with the results that the
-comments of the standard's ``.srv`` files ask for (version 1.0 to 2.1).  Worlds
-and entities are none of this simulator's.
+comments of the standard's ``.srv`` files ask for (version 1.0 to 2.1), and the
+action ``simulate_steps``.  Worlds and entities are none of this simulator's.
 """
 
 from __future__ import annotations
@@ -40,8 +40,13 @@ def offer_standard_services(node: Node, control: RunControl) -> bool:
     try:
         srv = importlib.import_module('simulation_interfaces.srv')
         msg = importlib.import_module('simulation_interfaces.msg')
+        action = importlib.import_module('simulation_interfaces.action')
     except ImportError:
         return False
+    # Imported here: without the package no node has to pay for what actions need.
+    from flexarm_ros.nodes.simulation_action import StepAction
+
+    StepAction(node, control, action.SimulateSteps, msg.Result)
     standard = StandardServices(control, msg, srv)
     for kind, name, action in (
         (srv.GetSimulatorFeatures, 'get_simulator_features', standard.features),
@@ -78,7 +83,7 @@ class StandardServices:
         response.features.features = [
             kinds.SIMULATION_RESET, kinds.SIMULATION_STATE_GETTING, kinds.SIMULATION_STATE_SETTING,
             kinds.SIMULATION_STATE_PAUSE, kinds.STEP_SIMULATION_SINGLE,
-            kinds.STEP_SIMULATION_MULTIPLE,
+            kinds.STEP_SIMULATION_MULTIPLE, kinds.STEP_SIMULATION_ACTION,
         ]  # fmt: skip
         response.features.custom_info = 'flexarm_ros: a step is one tick, /**.control_period'
         return response
