@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The standard services and the action, with a package of the shape of simulation_interfaces 2.1."""
+"""The standard services and action, with a package of the shape of simulation_interfaces 2.1."""
 
 from __future__ import annotations
 
