@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import flexarm_ros as fa
 from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_law import NoLinearFormError
+from flexarm_ros.core.stability_form import NoLinearFormError
 import numpy as np
 import pytest
 

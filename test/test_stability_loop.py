@@ -32,7 +32,8 @@ from flexarm_ros.core.parameters import (
     TrajectoryParameters,
 )
 from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_law import linear_law, LinearLaw, NoLinearFormError
+from flexarm_ros.core.stability_form import LinearLaw, NoLinearFormError
+from flexarm_ros.core.stability_law import linear_law
 from flexarm_ros.core.stability_parts import hold_matrices
 import numpy as np
 import pytest

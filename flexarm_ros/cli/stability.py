@@ -41,7 +41,9 @@ def add_parser(subparsers: Any) -> None:
         'about rest at poses along its trajectory - held torques, exact delay - and give, for '
         'each, the largest eigenvalue a tick, the range of gains and the latency at which the '
         'loop stops being stable. For fls the gain is K_s lambda: at rest, halfway and at its '
-        'largest.',
+        'largest. Gains of lqg and adaptive are frozen at the time of the pose; what a law '
+        'believes of the latency stays while the latency is varied. These two and passive take '
+        'some ten seconds a pose.',
         epilog='Exit status: 0 (stable or not); 2 for a bad scenario, or a law without a linear '
         'form.',
     )
@@ -135,12 +137,21 @@ def ignored(config: RunConfig) -> list[str]:
     return [key for key, value in keys.items() if value]
 
 
+def _read(config: RunConfig) -> tuple[str, str]:
+    """Return the sensor whose latency is varied, and where the law's rates come from."""
+    from flexarm_ros.core.control import PLANNING
+    from flexarm_ros.core.stability import sensor_of
+
+    own = config.controller.law in PLANNING
+    return sensor_of(config), 'encoder' if own else config.controller.velocity_source
+
+
 def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
     by_gain = _by_gain(found)
     return {
         'law': config.controller.law,
-        'feedback': config.controller.feedback,
-        'velocity_source': config.controller.velocity_source,
+        'feedback': _read(config)[0],
+        'velocity_source': _read(config)[1],
         'location_m': config.tip_sensor.location,
         'measurand': config.tip_sensor.measurand,
         'control_period_s': config.run.control_period,
@@ -196,14 +207,14 @@ _UNITS = ('rad', '', '', 'of a tick', '1/s', 'rad/s', '', 'ms', 'ms')
 
 
 def _print_table(config: RunConfig, found: list[PoseStability]) -> None:
-    control = config.controller
+    sensor, rates = _read(config)
     place = (
         f'{config.tip_sensor.measurand} at {config.tip_sensor.location:g} m'
-        if control.feedback == 'tip_sensor'
+        if sensor == 'tip_sensor'
         else 'joint angles'
     )
     print(
-        f'{control.law}, {control.feedback} ({place}), rates from {control.velocity_source}, '
+        f'{config.controller.law}, {sensor} ({place}), rates from {rates}, '
         f'latency {1e3 * found[0].latency_s:g} ms,\n'
         f'plant {config.plant.model} with {config.plant.modes} modes a link, '
         f'tick {1e3 * config.run.control_period:g} ms, {found[0].states} states'

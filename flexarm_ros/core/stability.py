@@ -27,17 +27,21 @@ For (21) this holds at the gain K_s lambda(0, 0) of straight links.  Another
 gain, by ``factor``, freezes lambda at what it is for bent ones: a loop that
 does not exist at rest, but that the arm has while it swings.
 
+The laws that plan the motion are in :mod:`flexarm_ros.core.stability_planned`.
+
 Not in a linear analysis: torque limits, noise, counts, speed.
 """
 
 from __future__ import annotations
 
 from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.modes import linearise
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.plant import make_plant
 from flexarm_ros.core.sensors import ticks_per_sample
-from flexarm_ros.core.stability_law import linear_law, LinearLaw
+from flexarm_ros.core.stability_form import LinearLaw
+from flexarm_ros.core.stability_law import linear_law
 from flexarm_ros.core.stability_parts import (
     buffer_line,
     DelayLine,
@@ -56,6 +60,14 @@ NODES = ('encoder', 'tip_sensor')
 CHANNELS = 4
 
 
+def sensor_of(config: RunConfig) -> str:
+    """Return the sensor whose latency counts: ``controller.feedback``'s, or what the law reads."""
+    control = config.controller
+    if control.law == 'inverse':
+        return 'encoder'
+    return 'tip_sensor' if control.law in PLANNING else control.feedback
+
+
 class SampledLoop:
     """
     The closed loop of a scenario about rest at an elbow angle, over one tick.
@@ -63,19 +75,25 @@ class SampledLoop:
     ``theta2``, rad; theta1 is 0, since neither arm nor law knows a direction.
     ``integrator``: ``exact``, or ``rk4``, the plant's own steps.  ``compress``
     keeps of a sensor's past only those combinations of its four channels that
-    the law reads; without it they are the channels themselves.
+    the law reads; without it they are the channels themselves.  ``time``, s: whose gains, for
+    a law whose gains belong to the time.
 
     Raises NoLinearFormError, and ``ValueError`` for a latency of too many ticks.
     """
 
     def __init__(
-        self, config: RunConfig, theta2: float, integrator: str = 'exact', compress: bool = True
+        self,
+        config: RunConfig,
+        theta2: float,
+        integrator: str = 'exact',
+        compress: bool = True,
+        time: float | None = None,
     ) -> None:
         self.config, self.theta2 = config, theta2
         timeline, tip = Timeline.of(config.run), config.tip_sensor
         self.period, self.period_ns = timeline.period, timeline.period_ns
         self.arm = linearise(config, theta2)
-        self.law = linear_law(config, self.arm)
+        self.law = linear_law(config, self.arm, time)
         substeps = make_plant(config).substeps if integrator == 'rk4' else None
         self.hold = hold_matrices(self.arm, self.period, substeps)
         self.ticks_per_sample = ticks_per_sample(tip.rate, self.period_ns)
@@ -89,14 +107,19 @@ class SampledLoop:
         )
 
     @property
+    def sensor(self) -> str:
+        """The sensor whose latency counts: see :func:`sensor_of`."""
+        return sensor_of(self.config)
+
+    @property
     def latency_ns(self) -> int:
         """Return the latency of the law's sensor, which :meth:`matrix` may vary."""
-        return self._latencies[NODES.index(self.config.controller.feedback)]
+        return self._latencies[NODES.index(self.sensor)]
 
     @property
     def longest_latency_ns(self) -> int:
         """Return the longest latency of that sensor that :meth:`matrix` takes."""
-        if self.config.controller.feedback == 'tip_sensor' and self._pade:
+        if self.sensor == 'tip_sensor' and self._pade:
             return NS_PER_S
         width = max(
             len(self._split(self.law, len(self.hold[0]) + CHANNELS * i)[1]) for i in (0, 1)
@@ -117,7 +140,7 @@ class SampledLoop:
         """
         latencies = dict(zip(NODES, self._latencies, strict=True))
         if latency_ns is not None:
-            latencies[self.config.controller.feedback] = latency_ns
+            latencies[self.sensor] = latency_ns
         law = self.law.scaled(factor)
         fresh = self._tick(law, latencies, fresh=True)
         if self.ticks_per_sample == 1:

@@ -28,56 +28,25 @@ g = K_s lambda(0, 0), exactly: lambda's own slope multiplies no force either.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 import math
 
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.control import gain_of, LAWS
+from flexarm_ros.core.control import gain_of, LAWS, PLANNING
 from flexarm_ros.core.kinematics import jacobian
 from flexarm_ros.core.modes import LinearArm
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.stability_form import LinearLaw, NoLinearFormError
+from flexarm_ros.core.stability_planned import planned_law
 import numpy as np
 
 
-class NoLinearFormError(ValueError):
-    """The law has no linear form."""
-
-
-@dataclass(frozen=True)
-class LinearLaw:
-    """
-    A law about rest: s+ = a s + b u, tau = c s + d u, deviations from equilibrium.
-
-    ``a`` ``(m, m)``, ``b`` ``(m, i)``, ``c`` ``(2, m)``, ``d`` ``(2, i)``; u
-    has i = 2 n + 8 entries: the plant's n coordinates and n rates of this
-    tick, then the encoder's (theta1, theta2 and their rates) and the tip
-    sensor's (x, y, vx, vy in frame ``base``) samples as delivered.  ``gain``
-    is a factor that the torques have: K_s lambda of (21), 1 where there is none.
-    """
-
-    a: FloatArray
-    b: FloatArray
-    c: FloatArray
-    d: FloatArray
-    gain: float = 1.0
-
-    def scaled(self, factor: float) -> LinearLaw:
-        """Return the law with both torques multiplied by ``factor``."""
-        return replace(self, c=factor * self.c, d=factor * self.d, gain=factor * self.gain)
-
-    @classmethod
-    def static(cls, d: FloatArray) -> LinearLaw:
-        """Return the law tau = d u."""
-        inputs = d.shape[1]
-        return cls(np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((2, 0)), d)
-
-
-def linear_law(config: RunConfig, arm: LinearArm) -> LinearLaw:
+def linear_law(config: RunConfig, arm: LinearArm, time: float | None = None) -> LinearLaw:
     """
     Return the law of ``config`` about rest at ``arm``'s pose.
 
-    A law other than (20) and (21) takes part by a class method
-    ``linear_form(config, arm) -> LinearLaw``.  Raises NoLinearFormError for one
+    ``time``, s: when the trajectory has the pose, for laws whose gains belong to the time; left
+    out, when the plan's elbow angle is nearest.  A law of another module takes part by a class
+    method ``linear_form(config, arm) -> LinearLaw``.  Raises NoLinearFormError for one
     that has none.
     """
     name = config.controller.law
@@ -86,6 +55,8 @@ def linear_law(config: RunConfig, arm: LinearArm) -> LinearLaw:
     if name == 'fls':
         gain = config.controller.ks * gain_of(config, 0.0, 0.0)
         return LinearLaw.static(_jacobian_law(config, arm)).scaled(gain)
+    if name in PLANNING:
+        return planned_law(config, arm, time)
     form: Callable[[RunConfig, LinearArm], LinearLaw] | None
     form = getattr(LAWS[name], 'linear_form', None)
     if form is None:

@@ -113,7 +113,7 @@ def analyse(
     Raises NoLinearFormError, and ``ValueError`` for a latency of too many
     ticks; the search for the crossing delay stops at that limit.
     """
-    loop = SampledLoop(config, pose.theta2, integrator)
+    loop = SampledLoop(config, pose.theta2, integrator, time=pose.time)
     own = loop.gain
     if own <= 0.0:
         raise ValueError('controller.ks: 0.0, with no gain there is no loop to analyse')

@@ -128,6 +128,11 @@ def _design(config: RunConfig, adapt: bool) -> Design:
     return Design(regulator, filtered)
 
 
+def design_of(config: RunConfig) -> Design:
+    """Return the gains of ``config``, whose law is ``lqg`` or ``adaptive``."""
+    return _design(design_key(config), config.controller.law == 'adaptive')
+
+
 def design_key(config: RunConfig) -> RunConfig:
     """
     Return ``config`` without what no design depends on, so that runs can share one.
