@@ -45,8 +45,8 @@ def linear_law(config: RunConfig, arm: LinearArm, time: float | None = None) -> 
     Return the law of ``config`` about rest at ``arm``'s pose.
 
     ``time``, s: when the trajectory has the pose, for laws whose gains belong to the time; left
-    out, when the plan's elbow angle is nearest.  A law of another module takes part by a class
-    method ``linear_form(config, arm) -> LinearLaw``.  Raises NoLinearFormError for one
+    out, the last time at which the plan's elbow angle is nearest.  A law of another module takes
+    part by a class method ``linear_form(config, arm) -> LinearLaw``.  Raises NoLinearFormError for one
     that has none.
     """
     name = config.controller.law

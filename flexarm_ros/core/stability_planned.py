@@ -43,6 +43,10 @@ from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
 
+_NEAR = 0.02
+"""Elbow angles that count as equally near, rad."""
+
+
 def planned_law(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
     """Return the law of ``config``, one of ``PLANNING``; ``time``, s: whose gains."""
     law = config.controller.law
@@ -160,7 +164,9 @@ def _gains(config: RunConfig, arm: LinearArm, time: float | None) -> tuple[Float
     states = plan.motion.state
     spacing = plan.grid.ticks * Timeline.of(config.run).period
     if time is None:
-        knot = int(np.argmin(np.abs(states[:, 1] - arm.theta2)))
+        # The plan has a pose several times; the last has the gains that have settled.
+        apart = np.abs(states[:, 1] - arm.theta2)
+        knot = int(np.flatnonzero(apart <= apart.min() + _NEAR)[-1])
     else:
         knot = int(time / spacing + 1e-9)
     knot = min(knot, len(design.regulator) - 1)
