@@ -46,8 +46,9 @@ def linear_law(config: RunConfig, arm: LinearArm, time: float | None = None) -> 
 
     ``time``, s: when the trajectory has the pose, for laws whose gains belong to the time; left
     out, the last time at which the plan's elbow angle is nearest.  A law of another module takes
-    part by a class method ``linear_form(config, arm) -> LinearLaw``.  Raises NoLinearFormError for one
-    that has none.
+    part by a class method ``linear_form(config, arm) -> LinearLaw``.
+
+    Raises NoLinearFormError for one that has none.
     """
     name = config.controller.law
     if name == 'pd':

@@ -42,7 +42,6 @@ from flexarm_ros.core.stability_parts import hold_matrices
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
-
 _NEAR = 0.02
 """Elbow angles that count as equally near, rad."""
 
