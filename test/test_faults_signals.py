@@ -40,12 +40,12 @@ RTF = '0.2'
 BAG = 'bag/bag_0.mcap'
 
 
-def start(out: Path) -> subprocess.Popen[str]:
+def start(out: Path, *more: str) -> subprocess.Popen[str]:
     """Start `flexarm run` of half a second of arm time, which takes 2.5 s of wall time."""
     words = [word for text in SETTINGS for word in ('--set', text)]
     return subprocess.Popen(
         [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', *words, '--rtf', RTF,
-         '--no-pictures', '--out', str(out)],
+         '--no-pictures', '--out', str(out), *more],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
     )  # fmt: skip
 
@@ -145,6 +145,27 @@ def test_nodes_leave_when_the_launcher_is_killed(tmp_path: Path) -> None:
         capture_output=True, text=True, timeout=60, cwd=ROOT, check=False,
     )  # fmt: skip
     assert again.returncode == 0, again.stdout + again.stderr
+
+
+def test_the_users_own_node_leaves_when_the_launcher_is_killed(tmp_path: Path) -> None:
+    example = ROOT / 'examples' / 'minimal_controller.py'
+    out = tmp_path / 'run'
+    launcher = start(out, '--node', f'controller={sys.executable} {example}')
+
+    def own() -> list[int]:
+        made = Path(f'/proc/{launcher.pid}/task/{launcher.pid}/children').read_text().split()
+        lines = {int(pid): Path(f'/proc/{pid}/cmdline').read_bytes() for pid in made}
+        return [pid for pid, line in lines.items() if example.name.encode() in line]
+
+    try:
+        wait_for(lambda: len(own()) == 1, 30, "the user's node")
+        (node,) = own()
+        wait_for(lambda: chunks(out) >= 3, 60, 'the middle of the run')
+        ours = children(launcher.pid)
+    finally:
+        launcher.kill()
+        launcher.wait()
+    wait_for(lambda: not [p for p in (node, *ours.values()) if alive(p)], 30, 'all leave')
 
 
 def test_a_killed_child_is_named_on_one_line(tmp_path: Path) -> None:

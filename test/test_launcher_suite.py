@@ -81,6 +81,17 @@ def test_simulated_cases_side_by_side(tmp_path: Path) -> None:
         assert json.loads((there / 'summary.json').read_text())['max_error'] == alone['max_error']
 
 
+def test_each_case_has_a_directory_of_its_own(tmp_path: Path) -> None:
+    names = ['a[k=x]', 'a[k=x y]', 'a[k=x/y]', 'a[k=x_y]', 'a\u00e9', 'a\u00e8', 'b' * 999,
+             'b' * 998]  # fmt: skip
+    made = [launcher.case_directory(tmp_path, name) for name in names]
+    assert len(set(made)) == len(names)
+    for directory in made:
+        assert directory.parent == tmp_path
+        directory.mkdir()
+    assert made[0].name == 'a[k=x]'
+
+
 def judged(stopped: bool = False) -> launcher.SuiteResult:
     """Return the result of `GRID` without a flight."""
     made = suite(GRID)
