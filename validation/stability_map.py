@@ -17,7 +17,7 @@ The tables and pictures of docs/stability.md and docs/fls.md.
 
     python -m validation.stability_map              # everything: some 20 minutes on two cores
     python -m validation.stability_map sweeps       # or one part of it:
-    python -m validation.stability_map boundary hub speed model gain growth fls
+    python -m validation.stability_map boundary hub speed model gain growth factorial fls
     python -m validation.stability_map pictures pages     # from the tables in docs/data
 
 Whether a table is still what the code makes: validation/stability_check.py.
@@ -55,7 +55,8 @@ FLS_GAINS = (2.5, 5.0, 7.5)
 LEAST_GAIN = 0.05
 """Gain of (20) from which the search for the largest stable one starts."""
 
-SWEEPS = ('map', 'slow', 'hub', 'correction', 'hub_elastic', 'laws')
+SWEEPS = ('map', 'slow', 'hub', 'correction', 'hub_elastic', 'laws', 'factorial',
+          'factorial_corrected')  # fmt: skip
 KEPT = ('outcome', 'unstable_tick', 'rms_error', 'max_error', 'tip_rms_error', 'tip_max_error',
         'max_overshoot', 'max_deflection', 'max_torque', 'overshoot[0]', 'overshoot[1]',
         'overshoot[2]')  # fmt: skip
@@ -285,6 +286,15 @@ def fls() -> None:
     write('stability_fls_flight', fls_study.flight())
 
 
+def factorial() -> None:
+    """Analyse every combination of the sweep that crosses all factors."""
+    from validation import stability_factorial
+
+    write(
+        'stability_factorial_linear', spread(stability_factorial.row, stability_factorial.tasks())
+    )
+
+
 def pictures() -> None:
     """Draw everything from docs/data."""
     from flexarm_ros.analysis import stability_pictures
@@ -302,7 +312,8 @@ def pages() -> None:
 
 PARTS: dict[str, Callable[[], None]] = {
     'sweeps': sweeps, 'boundary': locations, 'hub': hubs, 'speed': speeds, 'model': models,
-    'gain': gains, 'growth': growth, 'fls': fls, 'pictures': pictures, 'pages': pages,
+    'gain': gains, 'growth': growth, 'factorial': factorial, 'fls': fls,
+    'pictures': pictures, 'pages': pages,
 }  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from validation import stability_factorial
 from validation.tables import (
     delay,
     DOCS,
@@ -257,6 +258,6 @@ def write(page: Path = PAGE) -> Path:
         'boundary': boundary_lines(), 'outcome': outcome_lines(), 'effect': effect_lines(),
         'correction': correction_lines(), 'hub': hub_lines(), 'agreement': agreement_lines(),
         'speed': speed_lines(), 'model': model_lines(), 'growth': growth_lines(),
-        'laws': laws_lines(),
+        'laws': laws_lines(), 'factorial': stability_factorial.lines(),
     })  # fmt: skip
     return page
