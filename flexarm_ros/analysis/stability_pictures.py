@@ -108,6 +108,27 @@ def _paper_points(axis: Axes) -> None:
         axis.plot(x, y, mark, color=BLACK, ms=10, mec='white', zorder=5, label=text)
 
 
+def _predicted(axis: Axes, x: Any, lines: Rows) -> None:
+    """Draw the latencies at which the linear analysis has the loop unstable."""
+    least, most = (column(lines, f'linear_{n}_ms', BEYOND_MS) for n in ('least', 'most'))
+    axis.fill_between(x, least, most, color=SKY, alpha=0.3, lw=0, label='linear: at some poses')
+    axis.plot(x, least, color=BLUE, lw=2.0, label='linear: from here at the worst pose')
+
+
+def _flown_at_rest(axis: Axes, x: Any, lines: Rows) -> None:
+    axis.plot(
+        x, column(lines, 'hold_ms', BEYOND_MS), '.', color=BLACK, ms=4,
+        label='flown: boundary at rest, worst pose',
+    )  # fmt: skip
+
+
+def _flown_at_speed(axis: Axes, x: Any, lines: Rows) -> None:
+    axis.plot(
+        x, column(lines, 'paper_ms', BEYOND_MS), color=ORANGE, ls='--', lw=1.6,
+        label="flown: boundary, the paper's 3.15 m/s",
+    )  # fmt: skip
+
+
 def location_latency(data: Path) -> Figure:
     """Draw the boundary over the sensor's place and its latency, measurand rigid."""
     figure = new_figure(10.0, 5.4)
@@ -119,28 +140,18 @@ def location_latency(data: Path) -> Figure:
         )  # fmt: skip
         lines = read(data, 'stability_boundary', law=law)
         x = column(lines, 'location_m')
-        least, most = (column(lines, f'linear_{n}_ms', BEYOND_MS) for n in ('least', 'most'))
-        axis.fill_between(
-            x, least, most, color=SKY, alpha=0.3, lw=0, label='linear: at some poses'
-        )
-        axis.plot(x, least, color=BLUE, lw=2.0, label='linear: from here at the worst pose')
+        _predicted(axis, x, lines)
         if law == 'fls':
             axis.plot(
                 x, column(lines, 'linear_gain_5_ms', BEYOND_MS), color=PURPLE, ls=':', lw=1.8,
                 label=r'linear, worst pose, $K_s\lambda$ = 5',
             )  # fmt: skip
-        axis.plot(
-            x, column(lines, 'hold_ms', BEYOND_MS), '.', color=BLACK, ms=4,
-            label='flown: boundary at rest, worst pose',
-        )  # fmt: skip
+        _flown_at_rest(axis, x, lines)
         axis.plot(
             x, column(lines, 'slow_ms', BEYOND_MS), color=AMBER, ls='-.', lw=1.6,
             label='flown: boundary, 0.3 m/s',
         )  # fmt: skip
-        axis.plot(
-            x, column(lines, 'paper_ms', BEYOND_MS), color=ORANGE, ls='--', lw=1.6,
-            label="flown: boundary, the paper's 3.15 m/s",
-        )  # fmt: skip
+        _flown_at_speed(axis, x, lines)
         _flown_dots(axis, flown, 'tip_sensor.location')
         _paper_points(axis)
         _latency_axis(axis)
@@ -165,19 +176,9 @@ def hub_latency(data: Path) -> Figure:
         )  # fmt: skip
         lines = read(data, 'stability_hub_boundary', law=law)
         x = column(lines, 'hub_inertia')
-        least, most = (column(lines, f'linear_{n}_ms', BEYOND_MS) for n in ('least', 'most'))
-        axis.fill_between(
-            x, least, most, color=SKY, alpha=0.3, lw=0, label='linear: at some poses'
-        )
-        axis.plot(x, least, color=BLUE, lw=2.0, label='linear: from here at the worst pose')
-        axis.plot(
-            x, column(lines, 'hold_ms', BEYOND_MS), '.', color=BLACK, ms=4,
-            label='flown: boundary at rest, worst pose',
-        )  # fmt: skip
-        axis.plot(
-            x, column(lines, 'paper_ms', BEYOND_MS), color=ORANGE, ls='--', lw=1.6,
-            label="flown: boundary, the paper's 3.15 m/s",
-        )  # fmt: skip
+        _predicted(axis, x, lines)
+        _flown_at_rest(axis, x, lines)
+        _flown_at_speed(axis, x, lines)
         _flown_dots(axis, flown, 'plant.hub_inertia')
         axis.plot(
             [8.0], [1.238], '*', color=BLACK, ms=10, mec='white', zorder=5,
