@@ -353,7 +353,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--only', nargs='+', choices=NAMES, metavar='LAW', default=NAMES)
     parser.add_argument('--pace', nargs='+', choices=PACES, default=PACES)
-    parser.add_argument('--draws', type=int, default=100, help='Monte Carlo runs a law (default 100)')
+    parser.add_argument('--draws', type=int, default=100, help='Monte Carlo runs a law')
     parser.add_argument('--workers', type=int, default=2)
     parser.add_argument('--tables', action='store_true', help='no runs: the page from the data')
     args = parser.parse_args()

@@ -100,7 +100,8 @@ def linear_law(
 
     Its inputs are the outputs of ``linearize(..., outputs="law")``, its outputs the torques, with
     their sign: ``control.feedback(arm, law, sign=1)`` is the closed loop, whose poles are what
-    ``flexarm stability`` prints.  For the fuzzy law it holds at lambda(0, 0) = 1/6.
+    ``flexarm stability`` prints.  For the fuzzy law it holds at lambda(0, 0) = 1/6, for ``lqg``
+    and ``adaptive`` with the gains of the last time at which the plan has the elbow angle.
 
     Parameters
     ----------
@@ -110,7 +111,8 @@ def linear_law(
     Raises
     ------
     NoLinearFormError
-        A ``ValueError``, for a law that has no linear form, ``open_loop``.
+        A ``ValueError``, for a law that has no linear form, ``open_loop``, and for a tip sensor
+        slower than the tick with ``passive``, ``lqg`` and ``adaptive``.
 
     """
     with extra('control'):
