@@ -21,6 +21,7 @@ import csv
 import json
 from pathlib import Path
 
+from flexarm_ros.launcher import run
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nodetools import burners, flexarm
@@ -167,3 +168,10 @@ def test_a_killed_recorder_can_lose_a_quarter_of_a_second(period_ns: int, ticks:
     from flexarm_ros.nodes.plant import recorder_window
 
     assert recorder_window(period_ns) == ticks
+
+
+@pytest.mark.parametrize(
+    ('value', 'text'), [(0.5, '0.5'), (1e-5, '1.0e-05'), (2.5e-7, '2.5e-07'), (1e6, '1000000.0')]
+)
+def test_a_speed_is_a_number_for_rcl_too(value: float, text: str) -> None:
+    assert run._number(value) == text

@@ -146,7 +146,7 @@ def _commands(
         scenario.dump(config, str(torques.resolve()) if config.torques else None), encoding='utf-8'
     )
     arguments = ['--params-file', str(resolved.resolve())]
-    pace = [f'plant:real_time_factor:={float(options.rtf)!r}'] if options.rtf else []
+    pace = [f'plant:real_time_factor:={_number(options.rtf)}'] if options.rtf else []
     if faults is not None and faults.ticks:
         pace.append("plant:hold_at:='" + ','.join(map(str, faults.ticks)) + "'")
     own = {
@@ -166,6 +166,12 @@ def _commands(
 def quoted(text: str) -> str:
     """Return ``text`` as YAML that is a string whatever is in it, for ``-p NAME:=VALUE``."""
     return json.dumps(text)
+
+
+def _number(value: float) -> str:
+    """Return ``value`` as rcl takes it for a number: 1e-05 alone would be a text."""
+    mantissa, exponent, power = repr(float(value)).partition('e')
+    return f'{mantissa}{"" if "." in mantissa else ".0"}{exponent}{power}'
 
 
 def _overrides(values: list[str]) -> list[str]:
