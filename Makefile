@@ -4,6 +4,8 @@
 
 BIN := .venv/bin
 PYTEST_ARGS ?=
+# Files of tests that run at once. More would only make node tests wait for each other on two cores.
+TEST_JOBS ?= 2
 SOAK_MINUTES ?= 30
 
 help:
@@ -33,7 +35,7 @@ types: env
 	$(BIN)/mypy
 
 test: lint types
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(TEST_JOBS) --dist loadfile $(PYTEST_ARGS)
 
 test-all: lint types
 	$(BIN)/python -m pytest -m 'slow or not slow' $(PYTEST_ARGS)
