@@ -124,7 +124,8 @@ def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog='flexarm',
         description='A two-link flexible robot arm as ROS 2 nodes: fly, record, replay, judge.',
-        epilog='flexarm COMMAND --help says more. FLEXARM_DEBUG=1 shows tracebacks.',
+        epilog='To begin with: flexarm run fls_tip, or flexarm simulate fls_tip without ROS. '
+        'flexarm COMMAND --help says more. FLEXARM_DEBUG=1 shows tracebacks.',
     )
     parser.add_argument('--version', action=_Version, nargs=0, help='show the version and leave')
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', title='commands')

@@ -37,8 +37,8 @@ def add_parser(subparsers: Any) -> None:
         epilog='Exit status: 0 all within tolerance; 1 something beyond, or a message without '
         'counterpart.',
     )
-    parser.add_argument('a', metavar='A')
-    parser.add_argument('b', metavar='B')
+    parser.add_argument('a', metavar='A', help='output directory of a run, or its bag')
+    parser.add_argument('b', metavar='B', help='the run to compare it with')
     parser.add_argument('--atol', type=_tolerance, default=0.0, help='absolute (default 0)')
     parser.add_argument('--rtol', type=_tolerance, default=0.0, help='relative (default 0)')
     parser.add_argument('--json', action='store_true', help='machine-readable')

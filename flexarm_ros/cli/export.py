@@ -32,7 +32,7 @@ def add_parser(subparsers: Any) -> None:
         epilog='Exit status: 0 exported; 1 not possible, or the bag is damaged and was exported '
         'as far as it goes; 2 bad usage.',
     )
-    parser.add_argument('bag', metavar='BAG')
+    parser.add_argument('bag', metavar='BAG', help='a bag, or the output directory of a run')
     parser.add_argument('--format', choices=('csv', 'parquet'), default='csv')
     parser.add_argument('--out', metavar='DIR', required=True, help='new directory of the files')
 

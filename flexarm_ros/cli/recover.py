@@ -29,7 +29,7 @@ def add_parser(subparsers: Any) -> None:
         description="Copy every sound chunk of RUN's bag (a run's directory, the bag in it or the "
         '.mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.',
     )
-    parser.add_argument('run', metavar='RUN')
+    parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
     parser.add_argument('--out', metavar='NEWBAG', required=True, help='new directory of the bag')
 
 

@@ -39,7 +39,7 @@ def add_parser(subparsers: Any) -> None:
         epilog='Exit status: 0 played; 1 the bag is damaged, or the controller did not answer; '
         '2 bad usage.',
     )
-    parser.add_argument('run', metavar='RUN')
+    parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
     parser.add_argument(
         '--rate', type=_rate, default=1.0, metavar='X',
         help='multiple of real time (default 1; 0: as fast as it goes)',

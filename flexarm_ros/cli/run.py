@@ -41,7 +41,7 @@ def add_parser(subparsers: Any) -> None:
         description='Fly SCENARIO (a file or the name of a shipped one) with one process for each '
         'node, in lock-step on one simulated clock, and record every message to a bag.',
     )
-    parser.add_argument('scenario', metavar='SCENARIO')
+    parser.add_argument('scenario', metavar='SCENARIO', help="a file or a shipped scenario's name")
     parser.add_argument(
         '--set', dest='overrides', action='append', default=[], metavar='NODE.KEY=VALUE',
         help='override a parameter; repeats; the value is YAML; without a node: the whole run',

@@ -42,7 +42,9 @@ def add_parser(subparsers: Any) -> None:
         'numbers, the same files as `flexarm run`, no ROS needed.',
         epilog='Exit status: 0; 1 if the arm becomes unstable; 2 for a bad scenario.',
     )
-    parser.add_argument('scenario', metavar='SCENARIO', nargs='?')
+    parser.add_argument(
+        'scenario', metavar='SCENARIO', nargs='?', help="a file or a shipped scenario's name"
+    )
     parser.add_argument(
         '--set', dest='overrides', action='append', default=[], metavar='NODE.KEY=VALUE',
         help='override a parameter; repeats; the value is YAML; without a node: the whole run',

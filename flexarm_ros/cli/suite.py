@@ -39,7 +39,9 @@ def add_parser(subparsers: Any) -> None:
         description='Fly every case of SUITE (a file or the name of a shipped one), each in its '
         'own ROS domain and processes, and check its expectations, comparisons and claims.',
     )
-    parser.add_argument('suite', metavar='SUITE.yaml')
+    parser.add_argument(
+        'suite', metavar='SUITE.yaml', help='a file or the name of a shipped suite'
+    )
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='directory of the runs (default: runs/SUITE)'
     )

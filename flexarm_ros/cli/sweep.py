@@ -43,7 +43,7 @@ def add_parser(subparsers: Any) -> None:
         epilog='Exit status: 0; 1 if a run failed for another reason than being unstable; '
         '2 for a bad sweep; 130 or 143 after a signal.',
     )
-    parser.add_argument('sweep', metavar='SWEEP')
+    parser.add_argument('sweep', metavar='SWEEP', help='a file or the name of a shipped sweep')
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='directory of the sweep (default: runs/NAME)'
     )

@@ -35,7 +35,7 @@ def add_parser(subparsers: Any) -> None:
         'compare every recorded message byte for byte.',
         epilog='Exit status: 0 all the same; 1 something differs, or the bag cannot be read.',
     )
-    parser.add_argument('run', metavar='RUN')
+    parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
     parser.add_argument(
         '--without', action='append', default=[], choices=NODES, metavar='NODE',
         help="NODE was somebody else's: take its messages as they are; repeats",
