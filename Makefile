@@ -4,7 +4,7 @@
 
 BIN := .venv/bin
 PYTEST_ARGS ?=
-# Files of tests that run at once. More would only make node tests wait for each other on two cores.
+# Tests that run at once; those that start nodes have a worker to themselves.
 TEST_JOBS ?= 2
 SOAK_MINUTES ?= 30
 
@@ -35,7 +35,7 @@ types: env
 	$(BIN)/mypy
 
 test: lint types
-	$(BIN)/python -m pytest -n $(TEST_JOBS) --dist loadfile $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(TEST_JOBS) --dist loadgroup $(PYTEST_ARGS)
 
 test-all: lint types
 	$(BIN)/python -m pytest -m 'slow or not slow' $(PYTEST_ARGS)

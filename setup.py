@@ -90,7 +90,7 @@ EXTRAS = {
         'mypy',
         'pyarrow',  # else the tests of Parquet files are skipped
         'pytest',
-        'pytest-xdist',  # `make test` runs two files of tests at once
+        'pytest-xdist',  # `make test` runs two tests at once
         'ruff',
         'types-PyYAML',
         *VIEW,

@@ -181,7 +181,7 @@ def _dispatch(words: list[str]) -> int:
 
 def _explain(words: list[str], error: Exception) -> int:
     """Print an error in one or two lines and return its exit status."""
-    from flexarm_ros.scenario.errors import clip, ScenarioError
+    from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError
 
     command = next((word for word in words if word in COMMANDS), '')
     prefix = f'flexarm {command}'.rstrip()
@@ -194,7 +194,7 @@ def _explain(words: list[str], error: Exception) -> int:
         usage = (bag_errors.BagExistsError, bag_errors.BagMissingError)
         return 2 if isinstance(error, usage) else 1
     if isinstance(error, OSError):
-        place = f'{clip(str(error.filename), 200)}: ' if error.filename is not None else ''
+        place = f'{clip(str(error.filename), PATH_WIDTH)}: ' if error.filename is not None else ''
         print(f'{prefix}: error: {place}{error.strerror or error}', file=sys.stderr)
         return 1
     text = clip(f'{type(error).__name__}: {error}', 300)

@@ -30,6 +30,10 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f"; did you mean '{near[0]}'?" if near else ''
 
 
+PATH_WIDTH = 200
+"""Width of a path in an error: its end is what tells files apart."""
+
+
 def clip(text: str, width: int = 80) -> str:
     """Return ``text`` fit for one line of an error: printable and not too long."""
     shown = text if text.isprintable() else repr(text)[1:-1]

@@ -20,7 +20,7 @@ import os
 from pathlib import Path
 import stat
 
-from flexarm_ros.scenario.errors import clip, ScenarioError
+from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError
 
 
 def read_text(path: Path, limit: int) -> str:
@@ -30,7 +30,7 @@ def read_text(path: Path, limit: int) -> str:
     Raises ScenarioError if it cannot be read, is no regular file (a pipe would block),
     is too large or is not text.
     """
-    shown = clip(str(path))
+    shown = clip(str(path), PATH_WIDTH)
     try:
         data = _read(path, limit + 1)
     except (OSError, ValueError) as error:

@@ -21,7 +21,7 @@ from pathlib import Path
 import sys
 
 import flexarm_ros
-from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
+from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 
 PACKAGE = 'flexarm_ros'
 SUFFIXES = ('.yaml', '.yml')
@@ -100,11 +100,11 @@ def find(
     except (OSError, ValueError):
         exists = False
     if exists:
-        raise ScenarioError(f'{clip(text)}: not a file')
+        raise ScenarioError(f'{clip(text, PATH_WIDTH)}: not a file')
     if path.suffix in SUFFIXES or os.sep in text:
-        raise ScenarioError(f'{clip(text)}: no such file')
+        raise ScenarioError(f'{clip(text, PATH_WIDTH)}: no such file')
     raise ScenarioError(
-        f'{clip(text)}: neither a file nor a shipped name'
+        f'{clip(text, PATH_WIDTH)}: neither a file nor a shipped name'
         f'{suggestion(text, known) or "; see: flexarm list"}'
     )
 

@@ -26,7 +26,7 @@ from typing import Any
 from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.convert import convert
-from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
+from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
 from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, show, Tree, tree_of
@@ -60,7 +60,7 @@ def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -
     torque_base = Path()
     for item in sources:
         path = find(item)
-        given = _read(read_text(path, MAX_BYTES), clip(str(path)))
+        given = _read(read_text(path, MAX_BYTES), clip(str(path), PATH_WIDTH))
         if ('controller', 'torque_file') in given:
             torque_base = path.resolve().parent
         values.update(given)
