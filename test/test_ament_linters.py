@@ -33,7 +33,7 @@ def sources() -> list[str]:
 
 @pytest.mark.parametrize('linter', LINTERS)
 def test_linter_finds_nothing(linter: str, capfd: pytest.CaptureFixture[str]) -> None:
-    reason = f'{linter} is part of ROS 2 (ros-DISTRO-{linter.replace("_", "-")}), not of PyPI'
+    reason = f'{linter} is not installed (ros-DISTRO-{linter.replace("_", "-")})'
     main = pytest.importorskip(f'{linter}.main', reason=reason).main
     status = main(argv=sources())
     assert status == 0, ''.join(capfd.readouterr())
