@@ -17,7 +17,7 @@ The tables and pictures of docs/stability.md and docs/fls.md.
 
     python -m validation.stability_map              # everything: some 20 minutes on two cores
     python -m validation.stability_map sweeps       # or one part of it:
-    python -m validation.stability_map boundary hub speed model gain growth factorial fls
+    python -m validation.stability_map boundary hub speed model gain growth factorial held fls
     python -m validation.stability_map pictures pages     # from the tables in docs/data
 
 Whether a table is still what the code makes: validation/stability_check.py.
@@ -295,6 +295,13 @@ def factorial() -> None:
     )
 
 
+def held() -> None:
+    """Growth rates at rest of the laws that plan the motion, and flights, over the latency."""
+    from validation import stability_held
+
+    write('stability_held', spread(stability_held.row, stability_held.tasks()))
+
+
 def pictures() -> None:
     """Draw everything from docs/data."""
     from flexarm_ros.analysis import stability_pictures
@@ -312,8 +319,8 @@ def pages() -> None:
 
 PARTS: dict[str, Callable[[], None]] = {
     'sweeps': sweeps, 'boundary': locations, 'hub': hubs, 'speed': speeds, 'model': models,
-    'gain': gains, 'growth': growth, 'factorial': factorial, 'fls': fls,
-    'pictures': pictures, 'pages': pages,
+    'gain': gains, 'growth': growth, 'factorial': factorial, 'held': held,
+    'fls': fls, 'pictures': pictures, 'pages': pages,
 }  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from validation import stability_factorial
+from validation import stability_factorial, stability_held
 from validation.tables import (
     delay,
     DOCS,
@@ -259,5 +259,6 @@ def write(page: Path = PAGE) -> Path:
         'correction': correction_lines(), 'hub': hub_lines(), 'agreement': agreement_lines(),
         'speed': speed_lines(), 'model': model_lines(), 'growth': growth_lines(),
         'laws': laws_lines(), 'factorial': stability_factorial.lines(),
+        'held': stability_held.lines(),
     })  # fmt: skip
     return page
