@@ -71,15 +71,15 @@ def _joints(config: RunConfig, arm: LinearArm) -> FloatArray:
     """Return d ``(2, 2 n + 8)`` of the joint loops."""
     control, at = config.controller, _encoder(arm)
     d = np.zeros((2, at + 8))
-    d[:, at : at + 2] = -control.joint_kp * np.eye(2)
-    d[:, at + 2 : at + 4] = -control.joint_kd * np.eye(2)
+    d[:, -8:-6] = -control.joint_kp * np.eye(2)
+    d[:, -6:-4] = -control.joint_kd * np.eye(2)
     return d
 
 
 def _delayed(latency: Latency) -> FloatArray:
     """Return weights ``(1, whole + 2)`` of the values of this tick and those before it."""
     weights = np.zeros((1, latency.whole + 2))
-    weights[0, latency.whole :] = 1.0 - latency.part, latency.part
+    weights[0, -2:] = 1.0 - latency.part, latency.part
     return weights
 
 
@@ -90,7 +90,7 @@ def _passive(config: RunConfig, arm: LinearArm) -> LinearLaw:
     along = (first, max(config.tip_sensor.location - first, 0.0))
     j11, j12, j21, j22 = jacobian(along, arm.theta1, arm.theta2, sum(along))
     now = np.zeros((2, at + 8))
-    now[:, at : at + 2] = [[j11, j12], [j21, j22]]
+    now[:, -8:-6] = [[j11, j12], [j21, j22]]
     weights = np.kron(_delayed(latency_of(config)), np.eye(2))
     ring = weights.shape[1] - 2
     keep = control.passive_bandwidth * Timeline.of(config.run).period
@@ -99,7 +99,7 @@ def _passive(config: RunConfig, arm: LinearArm) -> LinearLaw:
     of_state, of_input = np.zeros((2, ring + 2)), share * weights[:, :2] @ now
     of_state[:, :ring] = share * weights[:, 2:]
     of_state[:, ring:] = (1.0 - keep) * np.eye(2)
-    of_input[:, at + 4 : at + 6] -= share * np.eye(2)
+    of_input[:, -4:-2] -= share * np.eye(2)
     a, b = np.zeros((ring + 2, ring + 2)), np.zeros((ring + 2, at + 8))
     a[:ring, :ring] = np.eye(ring, k=-2)
     b[:2] = now
@@ -128,15 +128,15 @@ def _lqg(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
     regulator, gains = _gains(config, arm, time)
     # What the filter expects of the six readings, and its estimate after they were taken in.
     expected = np.zeros((6, size + chain))
-    expected[:2, :2] = expected[2:4, n : n + 2] = np.eye(2)
+    expected[:2, :2] = expected[2:4, n:][:, :2] = np.eye(2)
     expected[4:, size:] = np.kron(_delayed(latency), np.eye(2))
     z, end = size + chain, size + chain + 4
     state, given = np.zeros((z, end)), np.zeros((z, at + 8))
     state[:, :z] = np.eye(z) - gains @ expected
-    given[:, at : at + 6] = gains
+    given[:, -8:-2] = gains
     # v of this tick is the torque.
     pick = np.zeros((2, end))
-    pick[:, z : z + 2] = np.eye(2)
+    pick[:, -4:-2] = np.eye(2)
     rate = regulator[:, :size]
     c = pick + period * (rate @ state[:size] + np.hstack([np.zeros((2, z)), regulator[:, size:]]))
     d = period * rate @ given[:size]
@@ -144,12 +144,12 @@ def _lqg(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
     a, b = np.zeros((end, end)), np.zeros((end, at + 8))
     a[:size], b[:size] = hold @ state[:size] + drive @ c, hold @ given[:size] + drive @ d
     sensed = believed.point(config.tip_sensor.location)
-    a[size : size + 2], b[size : size + 2] = sensed @ a[:n], sensed @ b[:n]
-    a[size + 2 : z], b[size + 2 : z] = state[size : z - 2], given[size : z - 2]
-    a[z : z + 2], b[z : z + 2] = c, d
+    a[size:][:2], b[size:][:2] = sensed @ a[:n], sensed @ b[:n]
+    a[size:z][2:], b[size:z][2:] = state[size:z][:-2], given[size:z][:-2]
+    a[-4:-2], b[-4:-2] = c, d
     tip = period * believed.point(sum(config.plant.length))
-    a[z + 2 :], b[z + 2 :] = tip @ state[:n], tip @ given[:n]
-    a[z + 2 :, z + 2 :] += np.eye(2)
+    a[-2:], b[-2:] = tip @ state[:n], tip @ given[:n]
+    a[-2:, -2:] += np.eye(2)
     return LinearLaw(a, b, c, d)
 
 
@@ -174,7 +174,7 @@ def _gains(config: RunConfig, arm: LinearArm, time: float | None) -> tuple[Float
     cos, sin = math.cos(turn), math.sin(turn)
     rotation = np.array([[cos, -sin], [sin, cos]])
     regulator = design.regulator[knot, :, : size + 4].copy()
-    regulator[:, size + 2 :] = regulator[:, size + 2 :] @ rotation.T
+    regulator[:, size:][:, 2:] = regulator[:, size:][:, 2:] @ rotation.T
     gains = np.delete(design.estimator[knot], range(size, size + UNKNOWNS), axis=0)
     gains[:, 4:] = gains[:, 4:] @ rotation.T
     gains[size:] = np.kron(np.eye((len(gains) - size) // 2), rotation) @ gains[size:]
