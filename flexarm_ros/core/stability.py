@@ -108,7 +108,7 @@ class SampledLoop:
 
     @property
     def sensor(self) -> str:
-        """The sensor whose latency counts: see :func:`sensor_of`."""
+        """Return the sensor whose latency counts: see :func:`sensor_of`."""
         return sensor_of(self.config)
 
     @property
