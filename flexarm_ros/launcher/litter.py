@@ -30,10 +30,12 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
+import time
 
 FOLDER = Path('/dev/shm')
 LOCKS = Path('/proc/locks')
 _PREFIX, _LOCK = 'fastdds_', '_el'
+_TRIES, _PAUSE_S = 5, 0.02
 
 
 class Litter:
@@ -62,7 +64,7 @@ class Litter:
         """Remove what is left of processes that have ended; return the names of the files."""
         gone = []
         for name in sorted(self.names):
-            if in_use(FOLDER / (name + _LOCK)):
+            if _stays_in_use(FOLDER / (name + _LOCK)):
                 continue
             for file in (name, name + _LOCK, f'sem.{name}_mutex'):
                 with contextlib.suppress(OSError):
@@ -70,6 +72,15 @@ class Litter:
                     gone.append(file)
         self.names.clear()
         return gone
+
+
+def _stays_in_use(lock: Path) -> bool:
+    """Whether ``lock`` is held for longer than Fast DDS holds it to see whose a port is."""
+    for _ in range(_TRIES):
+        if not in_use(lock):
+            return False
+        time.sleep(_PAUSE_S)
+    return True
 
 
 def _inodes_locked_by(pids: set[int]) -> set[int]:

@@ -31,6 +31,7 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.status import Phase
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
@@ -57,6 +58,10 @@ class Diagnostics:
         message = DiagnosticArray(status=[self._status()])
         message.header.stamp = self._me.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until every reliable reader has the last report, ``timeout_s`` at the longest."""
+        self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
 
     def _status(self) -> DiagnosticStatus:
         me = self._me

@@ -423,8 +423,9 @@ class Participant(Node):
         except Exception as error:  # the run has failed already, for another reason
             self.get_logger().error(describe(error))
         self.flush(_FAILED_FLUSH_S)  # what this node has sent is to be on record
-        self.board.flush(1.0)
         self.diagnostics.tell()
+        self.board.flush(1.0)
+        self.diagnostics.flush(1.0)
 
     def invalid_message(self, topic: str, fault: str) -> None:
         """
