@@ -102,15 +102,19 @@ def test_who_speaks_in_anothers_place_is_noticed(
         assert 'invalid messages, last on joint_command' in log
 
 
-def test_another_arms_clock_is_passed_over_while_the_nodes_join(
-    tmp_path: Path, ros_domain: int, rclpy_node
+@pytest.mark.parametrize('way', [[], ['--compose']], ids=['six processes', 'composed'])
+def test_another_arms_clock_is_passed_over(
+    tmp_path: Path, ros_domain: int, rclpy_node, way: list[str]
 ) -> None:
     from rosgraph_msgs.msg import Clock
 
     node, executor = rclpy_node
     clock = node.create_publisher(Clock, '/clock', 10)
     done: list = []
-    run = composed(tmp_path / 'run', done, '--rtf', '1', '--set', 'duration=0.1')
+    words = ('run', 'fls_tip', *way, '--rtf', '1', '--set', 'duration=0.2', '--no-pictures',
+             '--out', tmp_path / 'run')  # fmt: skip
+    run = threading.Thread(target=lambda: done.append(flexarm(*words)))
+    run.start()
     try:
         while run.is_alive():
             executor.spin_once(timeout_sec=0.002)

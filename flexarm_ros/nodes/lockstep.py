@@ -166,15 +166,23 @@ class Input:
                 if taken is None:
                     return False
                 fault = self._accept(taken[0], taken[1])
-            if fault:
-                self._participant.invalid_message(self.topic.name, fault)
+            self._complain(fault)
         return self.tick >= tick
+
+    def _complain(self, fault: str) -> None:
+        """Count a message as invalid; nothing where there is no fault with it."""
+        if fault:
+            self._participant.invalid_message(self.topic.name, fault)
 
     def _accept(self, data: bytes, info: dict[str, Any]) -> str:
         """Make ``data`` from the middleware the next message, or say what is wrong with it."""
         if not self._ours(info):
             return self._unwanted
         self._count(info, self.tick + 1)
+        return self._read(data)
+
+    def _read(self, data: bytes) -> str:
+        """Decode ``data`` and judge it; see `_judge`."""
         try:
             stamp, values = self._decode(data)
         except ValueError as error:
@@ -244,7 +252,7 @@ class Input:
                 self._count(info, self.tick + 1 + len(taken))
                 taken.append(data)
             else:
-                self._participant.invalid_message(self.topic.name, self._unwanted)
+                self._complain(self._unwanted)
 
     def _judge_block(self, messages: Sequence[bytes]) -> bool:
         """Make these the messages of the next ticks; False, and nothing done, where one is not."""
@@ -267,13 +275,9 @@ class Input:
     def _judge_each(self, messages: Sequence[bytes], into: list[bytes]) -> None:
         """Append those that are messages of the run to ``into``; the others are invalid."""
         for data in messages:
-            try:
-                fault = self._judge(data, *self._decode(data))
-            except ValueError as error:
-                fault = printable(str(error), _FAULT_LENGTH)
-            if fault:
-                self._participant.invalid_message(self.topic.name, fault)
-            else:
+            fault = self._read(data)
+            self._complain(fault)
+            if not fault:
                 into.append(data)
 
     def look(self) -> None:
@@ -282,8 +286,8 @@ class Input:
             taken = self._take(self._type, True) if self.near else None
             if taken is None:
                 return
-            if self._unwanted and not self._ours(taken[1]):
-                self._participant.invalid_message(self.topic.name, self._unwanted)
+            if not self._ours(taken[1]):
+                self._complain(self._unwanted)
 
     def bind(self, endpoints: Sequence[Any], foreign: bool) -> None:
         """
