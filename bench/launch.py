@@ -90,12 +90,14 @@ def processes(
                 process.wait()
             litter.remove()
 
-        stack.callback(end)
-        for name, command in commands.items():
-            started[name] = stack.enter_context(
-                subprocess.Popen(command, env=environment, text=True, **options)
-            )
-        yield started, environment
+        try:
+            for name, command in commands.items():
+                started[name] = stack.enter_context(
+                    subprocess.Popen(command, env=environment, text=True, **options)
+                )
+            yield started, environment
+        finally:
+            end()  # before the stack: it waits for each process without a limit
 
 
 def floor(ticks: int, mode: str = 'raw') -> Cost:

@@ -113,7 +113,8 @@ def wrap() -> None:
         (Reference, 'command', 'physics and control'),
         (control.LAWS['pd'], 'torque', 'physics and control'),
         (control.LAWS['fls'], 'torque', 'physics and control'),
-        (BagWriter, 'write', 'recording'),
+        (BagWriter, 'write_ticks', 'recording'),
+        (lockstep.Input, '_judge_block', 'serialization'),
     ):
         setattr(owner, name, timed(getattr(owner, name), part))
     configure_output, configure_input = lockstep.Output.configure, lockstep.Input.configure
