@@ -26,6 +26,7 @@ import time
 
 ROOT = Path(__file__).resolve().parents[1]
 ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
+EXECUTABLES = {*ROLES, 'player', 'viewer'}
 
 
 def flexarm(*words: str | Path, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:

@@ -22,8 +22,9 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
+from nodetools import EXECUTABLES
 import pytest
-from test_packaging_wheel import copy_sources, EXECUTABLES, ROOT
+from test_packaging_wheel import copy_sources, ROOT
 
 COLCON = Path(sys.executable).with_name('colcon')
 pytestmark = pytest.mark.skipif(

@@ -22,6 +22,7 @@ import shutil
 import subprocess
 import time
 
+from nodetools import EXECUTABLES
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -38,17 +39,6 @@ PROGRAMS = [
     'sha256sum',
     'sh',
 ]
-
-EXECUTABLES = {
-    'plant',
-    'encoder',
-    'tip_sensor',
-    'trajectory',
-    'controller',
-    'recorder',
-    'player',
-    'viewer',
-}
 
 
 @pytest.fixture

@@ -27,22 +27,13 @@ import venv
 import xml.etree.ElementTree as ET
 import zipfile
 
+from nodetools import EXECUTABLES
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 import pytest
 from test_layers import imports, modules, ROS
 
 ROOT = Path(__file__).resolve().parent.parent
-EXECUTABLES = {
-    'plant',
-    'encoder',
-    'tip_sensor',
-    'trajectory',
-    'controller',
-    'recorder',
-    'player',
-    'viewer',
-}
 SOURCES = ['flexarm_ros', 'config', 'launch', 'lib', 'resource']
 FILES = ['setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'README.md']
 
