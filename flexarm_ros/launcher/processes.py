@@ -199,11 +199,16 @@ class NodeProcesses:
         """
         Wait for the nodes to leave; those that do not are told to, then killed.
 
-        One that was stopped is woken: it then leaves, and removes its shared memory.
+        One that was stopped is woken: it then leaves, and removes its shared memory.  It may
+        not have heard that the run is over (Fast DDS drops what goes through shared memory to
+        somebody who has not read for a second, and repairs it after three), so it is told.
         """
         self._ending = True
         for process in self.running.values():
+            stopped = process.poll() is None and _is_stopped(process.pid)
             process.send_signal(signal.SIGCONT)
+            if stopped:
+                process.send_signal(signal.SIGTERM)
         for number, patience in ((None, grace_s), (signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0)):
             if number is not None:
                 for process in self.running.values():
@@ -262,6 +267,12 @@ class NodeProcesses:
             return ''
         said = [line.strip() for line in lines if line.strip()]
         return f': {said[-1][:300]}' if said else ''
+
+
+def _is_stopped(pid: int) -> bool:
+    """Whether a process of ours stands still by a signal, as with SIGSTOP; see proc(5)."""
+    stat = Path(f'/proc/{pid}/stat').read_text(encoding='utf-8', errors='replace')
+    return stat.rpartition(')')[2].split()[0] == 'T'
 
 
 def _nearness(line: dict[str, Any]) -> int:
