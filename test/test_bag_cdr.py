@@ -78,7 +78,7 @@ def test_rclpy_reads_and_writes_the_same(codec: Codec) -> None:
     assert same(read, values)
     differing = [i for i in range(codec.size) if data[i] != theirs[i]]
     probe = codec.encode(0, *numbers(len(codec.fields), 1))
-    fixed = {i for start, end, _ in codec._constants for i in range(start, end)}
+    fixed = {i for start, end in codec._spans for i in range(start, end)}
     assert not fixed & set(differing)
     assert all(probe[i] == 0 and data[i] == 0 for i in differing)
 

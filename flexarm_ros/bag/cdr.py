@@ -33,8 +33,11 @@ of whoever uses them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import accumulate
+from operator import itemgetter
 import struct
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,46 +110,63 @@ class Codec:
         self.fields = tuple(fields)
         self.size = len(image.data)
         self._template = bytes(image.data)
-        self._spans = _spans(image.fixed)
-        self._constants = tuple((a, b, self._template[a:b]) for a, b in self._spans)
-        self._packs: list[tuple[int, struct.Struct, int, int]] = []
-        start = 0
-        for offset, count in image.runs:
-            self._packs.append((offset, struct.Struct(f'<{count}d'), start, start + count))
-            start += count
-        if start != len(self.fields):
-            raise ValueError(f'{type_name}: {start} slots for {len(self.fields)} fields')
+        self._runs = image.runs
+        *self._starts, slots = accumulate((count for _, count in image.runs), initial=0)
+        if slots != len(self.fields):
+            raise ValueError(f'{type_name}: {slots} slots for {len(self.fields)} fields')
+        self._compile(image)
         self._constant = np.frombuffer(self._template, np.uint8)
         self._fixed = np.frombuffer(bytes(0xFF * byte for byte in image.fixed), np.uint8)
-        runs = {f'run{i}': (f'{b - a}<f8', at) for i, (at, _, a, b) in enumerate(self._packs)}
+        runs = {f'run{i}': (f'{count}<f8', at) for i, (at, count) in enumerate(self._runs)}
         parts = {'sec': ('<i4', _STAMP_OFFSET), 'nanosec': ('<u4', _STAMP_OFFSET + 4), **runs}
         self._record = np.dtype({
             'names': list(parts), 'formats': [form for form, _ in parts.values()],
             'offsets': [at for _, at in parts.values()], 'itemsize': self.size,
         })  # fmt: skip
 
+    def _compile(self, image: _Image) -> None:
+        """
+        Make the one `struct.Struct` of the message, and what sorts its items.
+
+        Items are the constant spans, sec and nanosec, and the fields; padding is none: it is
+        packed as zeros and passed over when unpacked.
+        """
+        self._spans = _spans(image.fixed)
+        items = [(start, end, f'{end - start}s') for start, end in self._spans]
+        items.append((_STAMP_OFFSET, _STAMP_END, 'iI'))
+        items += [(at, at + 8 * count, f'{count}d') for at, count in image.runs]
+        form, kinds, last = '<', '', 0
+        for start, end, code in sorted(items):
+            form += f'{start - last}x{code}'
+            kinds += {'s': 'c', 'I': 'ss', 'd': 'v' * ((end - start) // 8)}[code[-1]]
+            last = end
+        self._struct = struct.Struct(f'{form}{self.size - last}x')
+        places = {kind: [i for i, k in enumerate(kinds) if k == kind] for kind in 'csv'}
+        self._pick_constants, self._pick_values = _pick(places['c']), _pick(places['v'])
+        self._sec, self._nanosec = places['s']
+        self._constants = self._pick_constants(self._struct.unpack(self._template))
+        order = np.argsort(places['c'] + places['s'] + places['v'])
+        self._order = _pick(order.tolist())
+
     def encode(self, stamp_ns: int, *values: float) -> bytes:
         """Return the message with this stamp and ``values`` in order of ``fields``."""
-        data = bytearray(self._template)
-        _STAMP.pack_into(data, _STAMP_OFFSET, *divmod(stamp_ns, _NS))
         if len(values) != len(self.fields):
             raise ValueError(f'{self.type_name}: {len(values)} values for {len(self.fields)}')
-        for offset, packer, start, end in self._packs:
-            packer.pack_into(data, offset, *values[start:end])
-        return bytes(data)
+        items = (*self._constants, *divmod(stamp_ns, _NS), *values)
+        return self._struct.pack(*self._order(items))
 
     def decode(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """Return ``(stamp_ns, values)``; ValueError where the layout is another one."""
         if len(data) < self.size:
             raise ValueError(f'{self.type_name}: {len(data)} bytes, at least {self.size} needed')
-        for start, end, expected in self._constants:
-            if data[start:end] != expected:
-                raise ValueError(f'{self.type_name}: another layout at byte {start}')
-        sec, nanosec = _STAMP.unpack_from(data, _STAMP_OFFSET)
-        values: tuple[float, ...] = ()
-        for offset, packer, _, _ in self._packs:
-            values += packer.unpack_from(data, offset)
-        return sec * _NS + nanosec, values
+        items = self._struct.unpack_from(data)
+        if self._pick_constants(items) != self._constants:
+            raise ValueError(f'{self.type_name}: another layout at byte {self._differs_at(data)}')
+        return items[self._sec] * _NS + items[self._nanosec], self._pick_values(items)
+
+    def _differs_at(self, data: bytes) -> int:
+        """Return where the first constant span begins that is not as it should be."""
+        return next(a for a, b in self._spans if data[a:b] != self._template[a:b])
 
     def decode_any(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """
@@ -175,9 +195,9 @@ class Codec:
         pair[:, 0] = stamps // _NS
         pair[:, 1] = stamps % _NS
         rows[:, _STAMP_OFFSET:_STAMP_END] = pair.view(np.uint8)
-        for offset, _, start, end in self._packs:
-            run = np.ascontiguousarray(values[:, start:end], '<f8')
-            rows[:, offset:][:, : 8 * (end - start)] = run.view(np.uint8)
+        for (offset, count), start in zip(self._runs, self._starts, strict=True):
+            run = np.ascontiguousarray(values[:, start:][:, :count], '<f8')
+            rows[:, offset:][:, : 8 * count] = run.view(np.uint8)
         return rows
 
     def decode_block(self, messages: Sequence[bytes]) -> tuple[IntArray, FloatArray]:
@@ -201,9 +221,18 @@ class Codec:
     def _fields_of(self, records: NDArray[np.void]) -> tuple[IntArray, FloatArray]:
         """Return stamps and values of messages as records of `_record`."""
         values = np.empty((len(records), len(self.fields)))
-        for i, (_, _, start, end) in enumerate(self._packs):
-            values[:, start:end] = records[f'run{i}']
+        for i, start in enumerate(self._starts):
+            run = records[f'run{i}']
+            end = start + run.shape[1]
+            values[:, start:end] = run
         return records['sec'].astype(np.int64) * _NS + records['nanosec'], values
+
+
+def _pick(places: Sequence[int]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
+    """Return what makes a tuple of the items at these places."""
+    if len(places) > 1:
+        return itemgetter(*places)
+    return itemgetter(slice(places[0], places[0] + 1) if places else slice(0))
 
 
 def _spans(fixed: bytearray) -> list[tuple[int, int]]:
