@@ -92,8 +92,8 @@ def state_names(modes: int) -> tuple[str, ...]:
 def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
     """Split the values of ``plant/state``: ``size`` coordinates, their rates, end deflections."""
     half = size + len(LINKS)
-    positions, rates = values[:half], values[half:]
-    return positions[:size], rates[:size], positions[size:]
+    end = half + size
+    return values[:size], values[half:end], values[size:half]
 
 
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:

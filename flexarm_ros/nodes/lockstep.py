@@ -79,7 +79,7 @@ class Output:
         """Take the layout of the agreed scenario."""
         self.topic = topic
         self._encode = topic.codec.encode
-        self._publish = self.publisher.publish
+        self._publish = self.publisher.handle.publish_raw  # `publish` asks for the type each time
 
     def send(self, stamp_ns: int, *values: float) -> None:
         """Publish one message with the values in the order of the codec's fields."""
@@ -137,8 +137,8 @@ class Input:
     def configure(self, topic: Topic, timeline: Timeline) -> None:
         """Take the layout and the stamps of the agreed scenario."""
         self.topic = topic
-        self._decode = topic.codec.decode_any
-        self._stamp_ns, self._period_ns = timeline.stamp_ns, timeline.period_ns
+        self._decode = topic.codec.decode
+        self._first_ns, self._period_ns = timeline.stamp_ns(0), timeline.period_ns
         self._exact = topic.node not in SENSORS
 
     def drain(self) -> None:
@@ -154,61 +154,75 @@ class Input:
         Raises `RunFailed` on a message that is none of the run's, unless the
         parameter ``on_invalid`` says to pass over it.
         """
+        if self.tick >= tick:
+            return True
         for _ in range(_MOST_MESSAGES):
-            if self.tick >= tick:
-                return True
             if self.near:
                 if not self.arrived:
                     return False
                 fault = self._judge(*self.arrived.popleft())
             else:
-                taken = self._take(self._type, True)
-                if taken is None:
+                data = self._next(self.tick + 1)
+                if data is None:
                     return False
-                fault = self._accept(taken[0], taken[1])
-            self._complain(fault)
-        return self.tick >= tick
+                fault = self._read(data)
+            if fault:
+                self._complain(fault)
+            elif self.tick >= tick:
+                return True
+        return False
 
-    def _complain(self, fault: str) -> None:
-        """Count a message as invalid; nothing where there is no fault with it."""
-        if fault:
-            self._participant.invalid_message(self.topic.name, fault)
+    def _next(self, tick: int) -> bytes | None:
+        """
+        Take the next message of the publisher that this run has for the topic.
 
-    def _accept(self, data: bytes, info: dict[str, Any]) -> str:
-        """Make ``data`` from the middleware the next message, or say what is wrong with it."""
-        if not self._ours(info):
-            return self._unwanted
-        self._count(info, self.tick + 1)
-        return self._read(data)
-
-    def _read(self, data: bytes) -> str:
-        """Decode ``data`` and judge it; see `_judge`."""
-        try:
-            stamp, values = self._decode(data)
-        except ValueError as error:
-            return printable(str(error), _FAULT_LENGTH)  # what a stranger wrote is in it
-        return self._judge(data, stamp, values)
+        None where there is none.  Raises `RunFailed` where one between the last one
+        and ``tick``'s is lost.
+        """
+        for _ in range(_MOST_MESSAGES):
+            taken = self._take(self._type, True)
+            if taken is None:
+                return None
+            data: bytes = taken[0]
+            info = taken[1]
+            if self._ours(info):
+                number = info.get('publication_sequence_number')
+                if number is not None:
+                    if self._sequence is not None and number != self._sequence + 1:
+                        raise RunFailed(
+                            self.source, f'tick {tick}: a message on {self.topic.name} is lost'
+                        )
+                    self._sequence = number
+                return data
+            self._complain(self._unwanted)
+        return None
 
     def _ours(self, info: dict[str, Any]) -> bool:
         """Whether a message comes from the publisher that this run has for the topic."""
         sender = info.get('publisher_gid')
         return not self.accepted or sender is None or sender['data'][:16] == self.accepted
 
-    def _count(self, info: dict[str, Any], tick: int) -> None:
-        """Raise `RunFailed` where a message between the last one and ``tick``'s is lost."""
-        number = info.get('publication_sequence_number')
-        if number is not None:
-            if self._sequence is not None and number != self._sequence + 1:
-                raise RunFailed(
-                    self.source, f'tick {tick}: a message on {self.topic.name} is lost'
-                )
-            self._sequence = number
+    def _complain(self, fault: str) -> None:
+        """Count a message as invalid; nothing where there is no fault with it."""
+        if fault:
+            self._participant.invalid_message(self.topic.name, fault)
+
+    def _read(self, data: bytes) -> str:
+        """Decode ``data`` and judge it; see `_judge`."""
+        try:
+            stamp, values = self._decode(data)
+        except ValueError:  # of another layout, as a node of somebody else's may have it
+            try:
+                stamp, values = self.topic.codec.decode_any(data)
+            except ValueError as error:
+                return printable(str(error), _FAULT_LENGTH)  # what a stranger wrote is in it
+        return self._judge(data, stamp, values)
 
     def _judge(self, data: bytes, stamp: int, values: Values) -> str:
         """Make this the message of the next tick, or say what is wrong with it."""
         tick = self.tick + 1
-        due = self._stamp_ns(tick)
-        if stamp > due or (self._exact and stamp != due):
+        due = self._first_ns + tick * self._period_ns
+        if stamp != due and (self._exact or stamp > due):
             return f'stamp {stamp} ns where tick {tick} has {due} ns'
         if self._rising and stamp <= self._last_stamp:
             return f'stamp {stamp} ns again at tick {tick}, or older than the one before'
@@ -243,16 +257,11 @@ class Input:
             for _ in range(min(most, len(self.arrived))):
                 taken.append(self.arrived.popleft()[0])
             return
-        for _ in range(_MOST_MESSAGES):
-            message = self._take(self._type, True) if len(taken) < most else None
-            if message is None:
+        for tick in range(self.tick + 1, self.tick + 1 + most):
+            data = self._next(tick)
+            if data is None:
                 return
-            data, info = message
-            if self._ours(info):
-                self._count(info, self.tick + 1 + len(taken))
-                taken.append(data)
-            else:
-                self._complain(self._unwanted)
+            taken.append(data)
 
     def _judge_block(self, messages: Sequence[bytes]) -> bool:
         """Make these the messages of the next ticks; False, and nothing done, where one is not."""
@@ -263,7 +272,8 @@ class Input:
         except ValueError:
             return False
         first, last = self.tick + 1, self.tick + len(messages)
-        ahead = stamps - self._stamp_ns(first) - self._period_ns * np.arange(len(messages))
+        due = self._first_ns + self._period_ns * np.arange(first, last + 1)
+        ahead = stamps - due
         rising = not self._rising or (np.diff(stamps, prepend=self._last_stamp) > 0).all()
         if not rising or not np.isfinite(values).all() or (ahead > 0).any():
             return False
@@ -320,7 +330,31 @@ def connect(participants: Sequence[Participant]) -> None:
 def spin(participants: Sequence[Participant]) -> None:
     """Drive the participants of this process until each has left its run."""
     waiter = Waiter(participants[0].context)
-    alone = len(participants) == 1
+    if len(participants) == 1:
+        _spin_alone(participants[0], waiter)
+    else:
+        _spin_together(participants, waiter)
+
+
+def _spin_alone(participant: Participant, waiter: Waiter) -> None:
+    """Drive one participant: it sleeps after each tick, for its answer is in other processes."""
+    board, next_look = participant.board, 0.0
+    while True:
+        participant.drive()
+        now = time.monotonic()
+        if now >= next_look:
+            participant.look_around(now)
+            next_look = now + participant.look_interval
+        if participant.finished:
+            return
+        pause = min(next_look - now, participant.nap(now))
+        waiter.wait(participant.blocked_on(), int(pause * 1e9))
+        if not board.going:
+            next_look = 0.0  # a word of the peers that is not taken would wake it again
+
+
+def _spin_together(participants: Sequence[Participant], waiter: Waiter) -> None:
+    """Drive several: they sleep when none of them has anything to do."""
     next_look = 0.0
     while True:
         busy = False
@@ -333,9 +367,9 @@ def spin(participants: Sequence[Participant]) -> None:
             if all(p.finished for p in participants):
                 return
             next_look = now + min(p.look_interval for p in participants)
-        if alone or not busy:
+        if not busy:
             waiting = [handle for p in participants for handle in p.blocked_on()]
             pause = min([max(0.0, next_look - now)] + [p.nap(now) for p in participants])
             waiter.wait(waiting, int(pause * 1e9))
             if any(not p.under_way and not p.finished for p in participants):
-                next_look = 0.0  # a word of the peers that is not taken would wake it again
+                next_look = 0.0

@@ -31,7 +31,7 @@ from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
 from flexarm_ros.nodes.parameters import declare_and_load, declare_own, Own
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
-from flexarm_ros.nodes.status import Board, GOING, Phase
+from flexarm_ros.nodes.status import Board, Phase
 from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
 from rclpy.node import Node
 
@@ -161,11 +161,11 @@ class Participant(Node):
     @property
     def under_way(self) -> bool:
         """Whether this node takes part in a run that has begun and goes on."""
-        return self.board.mine.phase in GOING
+        return self.board.going
 
     def drive(self) -> bool:
         """Advance as far as the inputs allow; True where anything was done."""
-        if not self.under_way:
+        if not self.board.going:
             return False
         moved = False
         try:
@@ -181,7 +181,8 @@ class Participant(Node):
             self.fail(self._failure_of(error))
         if moved:
             now = time.monotonic()
-            self.longest_wait_s = max(self.longest_wait_s, now - self._moved)
+            if now - self._moved > self.longest_wait_s:
+                self.longest_wait_s = now - self._moved
             self._moved = now
         return moved
 
@@ -192,7 +193,7 @@ class Participant(Node):
         While a run goes on the status is looked at now and then only: a node that
         slept on it would be woken again and again by a word that it has not taken.
         """
-        if self._missing is not None and self.under_way:
+        if self._missing is not None and self.board.going:
             return [self._missing.handle]
         return [self.board.handle]
 
@@ -289,7 +290,7 @@ class Participant(Node):
             return
         plant = self.membership.status_of('plant')
         if plant is not None and plant.last_tick >= 0:
-            self.last_tick = plant.last_tick
+            self.last_tick = min(plant.last_tick, self.timeline.ticks - 1)
             self.check_end()
         if self.finished:
             return
@@ -343,15 +344,10 @@ class Participant(Node):
         self.board.publish(phase=phase, text=more.pop('text', phase.value), **more)
         self.supervisor.report(self.ROLE, phase=phase.value, text=self.board.mine.text)
 
-    def end_of_run(self, tick: int) -> bool:
-        """Whether ``tick`` lies beyond the last tick of the run."""
-        return tick >= self.timeline.ticks or (
-            self.last_tick is not None and tick > self.last_tick
-        )
-
     def check_end(self) -> None:
-        """Leave if the plant has ended the run and this node has done its part."""
-        if self.end_of_run(self.tick):
+        """Leave if this node has done its part of a run that is over, as planned or before."""
+        last = self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
+        if self.tick > last:
             self.finish()
 
     def finish(self) -> None:

@@ -164,6 +164,8 @@ class Board:
         self._node = node
         identity = f'{time.time_ns():020d}-{uuid.uuid4().hex}'
         self.mine = Status(role, identity, node.get_fully_qualified_name(), Phase.JOINING)
+        self.going = False
+        """Whether this node takes part in a run that has begun and goes on."""
         self.others: dict[str, Status] = {}
         self._gids: dict[str, bytes] = {}
         self._seen: set[str] = set()
@@ -180,6 +182,7 @@ class Board:
     def publish(self, **changes: object) -> None:
         """Change this node's own status and tell everybody."""
         self.mine = replace(self.mine, **changes)  # type: ignore[arg-type]
+        self.going = self.mine.phase in GOING
         self._publisher.publish(self.mine.to_message())
 
     def update(self) -> None:
