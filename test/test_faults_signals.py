@@ -27,6 +27,10 @@ import time
 
 from faulttools import check_bag
 from flexarm_ros import scenario
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.launcher.faults import FaultPlan
+from flexarm_ros.launcher.run import run_scenario, RunOptions
+from flexarm_ros.scenario.suite import Fault
 from mcap.exceptions import McapError
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
@@ -200,6 +204,20 @@ def test_a_stopped_launcher_does_not_stop_the_nodes(tmp_path: Path) -> None:
         launcher.wait()
     assert launcher.returncode == 0, said
     check_bag(out, scenario.load('fls_tip', list(SETTINGS)), 500)
+
+
+@pytest.mark.parametrize('role', ['controller', 'recorder'])
+def test_a_node_that_is_stopped_for_a_while_changes_nothing(role: str, tmp_path: Path) -> None:
+    """
+    As by Ctrl-Z and fg, or where an overloaded machine does not let it run.
+
+    Fast DDS has then dropped messages to it; the recorder's are all there are of the run's end.
+    """
+    config = scenario.load('fls_tip', ['duration=0.5', 'tick_timeout=10.0'])
+    plan = FaultPlan([Fault(0.25, role, 'delay', seconds=4.0)], Timeline.of(config.run))
+    outcome = run_scenario(config, 'fls_tip', tmp_path / 'run', RunOptions(), faults=plan)
+    assert outcome.problem == ''
+    check_bag(tmp_path / 'run', config, 500)
 
 
 def test_a_node_that_dies_at_the_start_gives_its_last_words(

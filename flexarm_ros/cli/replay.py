@@ -73,7 +73,9 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     if args.domain is not None:
         os.environ['ROS_DOMAIN_ID'] = str(args.domain)
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    from flexarm_ros.nodes.middleware import prepare
+
+    prepare()
     values = {
         'bag': json.dumps(str(Path(args.run).resolve())),
         'rate': repr(args.rate),

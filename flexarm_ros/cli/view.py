@@ -68,10 +68,11 @@ def run(args: argparse.Namespace) -> int:
     words = _words(args)
     if args.domain is not None:
         os.environ['ROS_DOMAIN_ID'] = str(args.domain)
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    from flexarm_ros.nodes.middleware import prepare
     from flexarm_ros.nodes.view_foxglove import layout
     from flexarm_ros.nodes.viewer import view
 
+    prepare()
     print(f'ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")}', flush=True)
     if not args.no_server:
         print(f'layout to import: {layout()}', flush=True)

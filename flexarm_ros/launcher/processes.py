@@ -201,7 +201,7 @@ class NodeProcesses:
 
         One that was stopped is woken: it then leaves, and removes its shared memory.  It may
         not have heard that the run is over (Fast DDS drops what goes through shared memory to
-        somebody who has not read for a second, and repairs it after three), so it is told.
+        somebody who has not read for a second), so it is told.
         """
         self._ending = True
         for process in self.running.values():

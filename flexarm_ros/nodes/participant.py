@@ -382,7 +382,8 @@ class Participant(Node):
         Wait until every reader has this node's messages, four seconds at the longest.
 
         A lost message is asked for at the next heartbeat, which Fast DDS sends every
-        three seconds; a user who ends the run does not wait that long.
+        three seconds where it has not our settings (see `flexarm_ros.nodes.middleware`);
+        a user who ends the run does not wait that long.
         """
         from rclpy.duration import Duration
 

@@ -27,6 +27,7 @@ from typing import Any
 
 from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.lockstep import connect, spin
+from flexarm_ros.nodes.middleware import prepare
 from flexarm_ros.nodes.participant import describe, Participant
 from flexarm_ros.nodes.supervisor import Supervisor
 from flexarm_ros.scenario import ScenarioError
@@ -63,7 +64,7 @@ def run_process(name: str, argv: list[str]) -> int:
     if name not in CLASSES and name != COMPOSE:
         print(f'no node {name}: {", ".join([*CLASSES, "player", "viewer"])}', file=sys.stderr)
         return 2
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    prepare()
     try:
         rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rcl reports a bad command line or parameter file so
