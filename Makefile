@@ -4,7 +4,7 @@
 
 BIN := .venv/bin
 PYTEST_ARGS ?=
-# Tests that run at once; those that start nodes have a worker to themselves.
+# Tests that run at once, of those that start no nodes.
 TEST_JOBS ?= 2
 SOAK_MINUTES ?= 30
 
@@ -35,7 +35,7 @@ types: env
 	$(BIN)/mypy
 
 test: lint types
-	$(BIN)/python -m pytest -n $(TEST_JOBS) --dist loadgroup $(PYTEST_ARGS)
+	@TEST_JOBS=$(TEST_JOBS) scripts/test.sh $(PYTEST_ARGS)
 
 test-all: lint types
 	$(BIN)/python -m pytest -m 'slow or not slow' $(PYTEST_ARGS)
