@@ -94,6 +94,7 @@ def machine() -> str:
     cores = len(os.sched_getaffinity(0))
     load = os.getloadavg()[0]
     busy = '' if load < 0.5 else ' (busy: figures of wall time are those of a loaded machine)'
+    kernel = '.'.join(platform.release().split('.')[:2])
     versions = []
     for package in _PACKAGES:
         try:
@@ -102,7 +103,7 @@ def machine() -> str:
             versions.append(f'{package} not installed')
     return (
         f'{_cpu()}, {cores} cores for this process, load {load:.1f} at the start{busy}; '
-        f'{platform.system()} {platform.release()}, Python {sys.version.split()[0]}; '
+        f'{platform.system()} {kernel}, Python {sys.version.split()[0]}; '
         + ', '.join(versions)
         + '.'
     )
