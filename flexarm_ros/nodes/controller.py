@@ -57,6 +57,7 @@ class ControllerNode(Participant):
         self._torque.send(self.timeline.stamp_ns(tick), *self._law.torque(tick, self._sample()))
         self.tick += 1
         self.check_end()
+        self._reference.fetch(self.tick)  # it is here already: taken while the plant has its turn
         return True
 
     def _sample(self) -> Sample:
