@@ -21,7 +21,7 @@ The laws that hold the true tip beside the paper's two: the tables of docs/contr
 
 Every run is the paper's square in 16 s with the true tip measured 31.2 ms late and the full
 plant with three modes a link.  The plant is changed, what the law believes is not.  All take
-half an hour of one idle core.
+some forty minutes of one idle core.
 """
 
 from __future__ import annotations
