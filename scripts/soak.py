@@ -20,6 +20,7 @@ kinds in turn until the time is up.  Watched are: the bytes of each bag (equal t
 simulate`), resident memory, threads and file handles of this process, which is the launcher of
 every run, and of each node from early in the long run to its end, and the shared memory that the
 nodes leave behind.  Ends with status 1 where something grows, and writes every sample as JSON.
+Make no commit meanwhile: a bag names that of its source.
 """
 
 from __future__ import annotations
