@@ -17,13 +17,15 @@ A node that does something bad at a tick: ``faulty_node.py ROLE FAULT TICK --ros
 
 FAULT: ``raise`` (an exception in the callback of a tick), ``exit`` (leaves with status 0 as if
 all were well), ``service`` (an exception in the callback of a service, as far as the node
-itself is concerned), ``import`` (dies before it is a node).
+itself is concerned), ``import`` (dies before it is a node), ``linger`` (does not leave when it
+is done, as Fast DDS keeps one from it now and then).
 """
 
 from __future__ import annotations
 
 from importlib import import_module
 import sys
+import time
 from typing import Any
 
 
@@ -67,7 +69,11 @@ def main() -> int:
     if fault == 'import':
         raise ImportError('no such module, on purpose')
     from flexarm_ros.nodes import process
+    from rclpy.node import Node
 
+    if fault == 'linger':
+        Node.destroy_node = lambda _: time.sleep(60.0)  # type: ignore[method-assign]
+        return process.run_process(role, sys.argv[4:])
     name = process.CLASSES[role]
     module = import_module(f'flexarm_ros.nodes.{role}')
     setattr(module, name, faulty(getattr(module, name), role, fault, tick))

@@ -25,11 +25,11 @@ import subprocess
 import sys
 import time
 
-from faulttools import check_bag
+from faulttools import check_bag, NODE
 from flexarm_ros import scenario
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.launcher import run
 from flexarm_ros.launcher.faults import FaultPlan
-from flexarm_ros.launcher.run import run_scenario, RunOptions
 from flexarm_ros.scenario.suite import Fault
 from mcap.exceptions import McapError
 from mcap.records import Chunk
@@ -215,9 +215,29 @@ def test_a_node_that_is_stopped_for_a_while_changes_nothing(role: str, tmp_path:
     """
     config = scenario.load('fls_tip', ['duration=0.5', 'tick_timeout=10.0'])
     plan = FaultPlan([Fault(0.25, role, 'delay', seconds=4.0)], Timeline.of(config.run))
-    outcome = run_scenario(config, 'fls_tip', tmp_path / 'run', RunOptions(), faults=plan)
+    outcome = run.run_scenario(config, 'fls_tip', tmp_path / 'run', run.RunOptions(), faults=plan)
     assert outcome.problem == ''
     check_bag(tmp_path / 'run', config, 500)
+
+
+def test_a_node_that_is_done_but_cannot_leave_is_no_fault_of_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = scenario.load('fls_tip', ['duration=0.1'])
+    command = run.node_command
+
+    def commanding(name: str, arguments: list[str]) -> list[str]:
+        if name != 'plant':
+            return command(name, arguments)
+        return [sys.executable, str(NODE), name, 'linger', '0', '--ros-args', *arguments]
+
+    monkeypatch.setattr(run, 'node_command', commanding)
+    began = time.monotonic()
+    outcome = run.run_scenario(config, 'fls_tip', tmp_path / 'run', run.RunOptions())
+    assert time.monotonic() - began >= run.LEAVING_S
+    assert outcome.problem == ''
+    assert outcome.stable
+    check_bag(tmp_path / 'run', config, 100)
 
 
 def test_a_node_that_dies_at_the_start_gives_its_last_words(

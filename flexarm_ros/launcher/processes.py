@@ -55,11 +55,14 @@ class Report:
     unstable: str = ''
     unstable_tick: int = -1
     failures: list[dict[str, Any]] = field(default_factory=list)
+    heard: set[str] = field(default_factory=set)
+    """Roles that have told anything."""
     done: set[str] = field(default_factory=set)
 
     def take(self, line: dict[str, Any]) -> None:
         """Add one line of a node."""
         phase, role = line.get('phase'), line.get('role', '')
+        self.heard.add(role)
         if role == 'recorder' and 'tick' in line:
             self.tick, self.ended_at = int(line['tick']), float(line['at'])
         if role == 'plant' and phase == 'running':
@@ -155,6 +158,16 @@ class NodeProcesses:
     def ours(self) -> list[str]:
         """Names of the running nodes that are not somebody else's: those end by themselves."""
         return [name for name in self.running if name not in self.foreign]
+
+    @property
+    def busy(self) -> list[str]:
+        """Names of ours that have not said that they are done with the run."""
+        report = self.report
+        composed_done = report.heard <= report.done
+        return [
+            name for name in self.ours
+            if not (composed_done if name == 'compose' else name in report.done)
+        ]  # fmt: skip
 
     def _take_reports(self) -> None:
         while True:
