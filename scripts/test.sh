@@ -30,7 +30,7 @@ part() {
     esac
 }
 
-part -n "${TEST_JOBS:-2}" --dist loadgroup -m 'not slow and not nodes' "$@"
+part -n "${TEST_JOBS:-2}" --dist loadfile -m 'not slow and not nodes' "$@"
 part -m 'not slow and nodes' "$@"
 [ "$empty" -lt 2 ] || exit 5
 exit "$failed"

@@ -38,15 +38,6 @@ hypothesis.settings.register_profile('explore', deadline=None, max_examples=1000
 hypothesis.settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'fixed'))
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let pytest-xdist keep files together, and all that starts nodes on one worker."""
-    if config.pluginmanager.hasplugin('xdist'):
-        for item in items:
-            group = 'nodes' if item.get_closest_marker('nodes') else item.path.name
-            item.add_marker(pytest.mark.xdist_group(group))
-
-
 @pytest.fixture(scope='session', autouse=True)
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Set what every test and every process that it starts sees."""

@@ -48,7 +48,6 @@ ByteArray = NDArray[np.uint8]
 
 HEADER = b'\x00\x01\x00\x00'
 _NS = 1_000_000_000
-_STAMP = struct.Struct('<iI')
 _STAMP_OFFSET = 4
 _STAMP_END = 12
 
@@ -79,8 +78,8 @@ class _Image:
         self.fixed += b'\x01' * len(raw)
 
     def stamp(self) -> None:
-        self.data += bytes(_STAMP.size)
-        self.fixed += bytes(_STAMP.size)
+        self.data += bytes(_STAMP_END - _STAMP_OFFSET)
+        self.fixed += bytes(_STAMP_END - _STAMP_OFFSET)
 
     def slots(self, count: int) -> None:
         """Add a run of ``count`` float64 (aligned by the first of them)."""

@@ -344,10 +344,14 @@ class Participant(Node):
         self.board.publish(phase=phase, text=more.pop('text', phase.value), **more)
         self.supervisor.report(self.ROLE, phase=phase.value, text=self.board.mine.text)
 
+    @property
+    def final_tick(self) -> int:
+        """Return the last tick of the run: as the plant has ended it, else as planned."""
+        return self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
+
     def check_end(self) -> None:
         """Leave if this node has done its part of a run that is over, as planned or before."""
-        last = self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
-        if self.tick > last:
+        if self.tick > self.final_tick:
             self.finish()
 
     def finish(self) -> None:

@@ -106,7 +106,7 @@ class RecorderNode(Participant):
         recording = self._recording
         assert recording is not None
         state = self.inputs['plant/state']
-        last = self.timeline.ticks - 1 if self.last_tick is None else self.last_tick
+        last = self.final_tick
         failure: RunFailed | None = None
         try:
             for entry, waiting in zip(self._entries, self._waiting, strict=True):
