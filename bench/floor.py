@@ -55,6 +55,8 @@ from std_msgs.msg import UInt64
 ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 _RECORDER_NAP_NS = 20_000_000
 _LIMIT_S = 60.0
+_SILENCE_S = 5.0
+"""Nothing holds this plant up: a recorder that is kept from running loses messages."""
 
 
 class Skeleton(Node):
@@ -163,10 +165,13 @@ def _begin(node: Skeleton, tick: int) -> None:
 
 def _record(node: Skeleton, waiter: Waiter) -> None:
     """Empty every queue, sleep, and so on until all ticks are here."""
+    last = time.monotonic()
     while min(node.count.values()) < node.ticks:
         for name in node.count:
             while node.take(name):
-                pass
+                last = time.monotonic()
+        if time.monotonic() - last > _SILENCE_S:
+            raise SystemExit('recorder: a message is lost')
         waiter.wait([], _RECORDER_NAP_NS)
 
 

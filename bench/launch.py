@@ -29,6 +29,7 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario
+from flexarm_ros.launcher import forked
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.litter import Litter
 from flexarm_ros.launcher.run import ROLES
@@ -69,8 +70,8 @@ def processes(
     """
     Start commands in a domain of their own; none is left when the block ends.
 
-    ``env`` in ``options`` is added to their environment.  Yields the processes and the
-    environment.
+    Several are forks of one process, as `flexarm run` has them.  ``env`` in ``options`` is
+    added to their environment.  Yields the processes and the environment.
     """
     with reserved_domain() as domain, contextlib.ExitStack() as stack:
         environment = {
@@ -91,13 +92,48 @@ def processes(
             litter.remove()
 
         try:
+            if len(commands) > 1:
+                started.update(_forks(commands, environment, stack, **options))
             for name, command in commands.items():
-                started[name] = stack.enter_context(
-                    subprocess.Popen(command, env=environment, text=True, **options)
-                )
+                if name not in started:
+                    started[name] = stack.enter_context(
+                        subprocess.Popen(command, env=environment, text=True, **options)
+                    )
             yield started, environment
         finally:
             end()  # before the stack: it waits for each process without a limit
+
+
+def _forks(
+    commands: dict[str, list[str]], env: dict[str, str], stack: contextlib.ExitStack, **how: int
+) -> dict[str, Any]:
+    """Start ``commands`` as forks of one process, with standard files as Popen has them."""
+    theirs: dict[str, tuple[int, ...]] = {}
+    ours: dict[str, dict[str, Any]] = {}
+    with contextlib.ExitStack() as until_started:
+
+        def keep(descriptor: int) -> int:
+            until_started.callback(os.close, descriptor)
+            return descriptor
+
+        nothing = keep(os.open(os.devnull, os.O_RDWR))
+        errors = keep(os.dup(sys.stderr.fileno()))
+        for name in commands:
+            files = [nothing, nothing, errors]
+            ours[name] = {}
+            for number, file in enumerate(('stdin', 'stdout', 'stderr')):
+                if how.get(file) == subprocess.PIPE:
+                    read, write = os.pipe()
+                    mine, files[number] = (read, write) if number else (write, read)
+                    keep(files[number])
+                    ours[name][file] = stack.enter_context(open(mine, 'r' if number else 'w'))
+                elif how.get(file) == subprocess.DEVNULL:
+                    files[number] = nothing
+            theirs[name] = tuple(files)
+        started = forked.start(commands, theirs, env)
+    for name, process in started.items():
+        vars(process).update(ours[name])
+    return started
 
 
 def floor(ticks: int, mode: str = 'raw') -> Cost:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import contextlib
 import ctypes
 from dataclasses import dataclass, field
@@ -32,6 +32,8 @@ import time
 from types import MappingProxyType
 from typing import Any
 
+from flexarm_ros.launcher.forked import Adopted, can_fork, NotForked
+from flexarm_ros.launcher.forked import start as start_forked
 from flexarm_ros.launcher.litter import Litter
 from flexarm_ros.nodes.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
 
@@ -39,6 +41,8 @@ END_GRACE_S = 3.0
 """Wall time that the nodes have to leave by themselves once a run is broken off."""
 
 _NOTE_EVERY_S = 0.5
+
+Process = subprocess.Popen[bytes] | Adopted
 
 
 @dataclass
@@ -78,7 +82,14 @@ class Report:
 
 
 class NodeProcesses:
-    """The processes of a run; a context manager that leaves none behind."""
+    """
+    The processes of a run; a context manager that leaves none behind.
+
+    They start in the directory ``logs``: Python imports from the one it is started in, and Fast
+    DDS reads its settings there; the user's may be a stranger's.  Several are forks of one
+    process, which loads what is compiled for the file ``scenario``; where that cannot be done
+    each is started by itself, after a call of ``compile_here``.
+    """
 
     def __init__(
         self,
@@ -86,6 +97,8 @@ class NodeProcesses:
         env: dict[str, str],
         logs: Path,
         foreign: Mapping[str, Sequence[str]] = MappingProxyType({}),
+        scenario: str = '',
+        compile_here: Callable[[], None] = lambda: None,
     ) -> None:
         self.report = Report()
         self.foreign = frozenset(foreign)
@@ -98,7 +111,7 @@ class NodeProcesses:
         os.set_blocking(self._read, False)
         os.set_blocking(write, False)  # a launcher that is stopped must not stop the nodes
         environment = {**env, REPORT_FD: str(write), ALIVE_FD: str(alive_read)}
-        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self.running: dict[str, Process] = {}
         self.exits: dict[str, int] = {}
         self.deaths: list[tuple[str, int]] = []
         self._ending = False
@@ -106,10 +119,17 @@ class NodeProcesses:
         """Verdicts before the run was broken off; who is told to leave may complain too."""
         logs.mkdir(parents=True, exist_ok=True)
         try:
+            if can_fork(commands):
+                with contextlib.suppress(NotForked):
+                    self.running.update(
+                        _fork(commands, environment, logs, (write, alive_read), scenario)
+                    )
+            if not self.running:
+                compile_here()  # once, not in every process at once
             for name, command in commands.items():
+                if name in self.running:
+                    continue
                 with open(logs / f'{name}.log', 'wb') as log:
-                    # In a directory of our own: Python imports from the one it is started in,
-                    # and Fast DDS reads its settings there; the user's may be a stranger's.
                     self.running[name] = subprocess.Popen(
                         command, env=environment, cwd=logs, stdin=subprocess.DEVNULL, stdout=log,
                         stderr=subprocess.STDOUT, pass_fds=(write, alive_read),
@@ -302,6 +322,27 @@ _PR_SET_PDEATHSIG = 1
 def _end_with_launcher() -> None:
     """Ask the kernel, in the new process, for SIGTERM when the launcher is no more."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _fork(
+    commands: Mapping[str, Sequence[str]],
+    env: dict[str, str],
+    logs: Path,
+    pass_fds: Sequence[int],
+    scenario: str,
+) -> dict[str, Adopted]:
+    """Start our nodes as forks of one process; raises `NotForked`, and says so in a log."""
+    with contextlib.ExitStack() as stack:
+        nothing = stack.enter_context(open(os.devnull, 'rb')).fileno()
+        files = {}
+        for name in commands:
+            log = stack.enter_context(open(logs / f'{name}.log', 'wb')).fileno()
+            files[name] = (nothing, log, log)
+        try:
+            return start_forked(commands, files, env, logs, pass_fds, scenario)
+        except NotForked as error:
+            (logs / 'start.log').write_text(f'not forked: {error}\n', encoding='utf-8')
+            raise
 
 
 def _start_foreign(

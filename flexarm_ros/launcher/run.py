@@ -102,11 +102,13 @@ def run_scenario(
     with reserved_domain(options.domain) as domain:
         prepare_directory(directory, config, name)
         announce(f'ROS_DOMAIN_ID={domain}')
-        warm_up(config)
         commands = _commands(config, name, directory, options, faults)
         outcome = Outcome(directory)
         environment, logs = _environment(domain, options), directory / 'logs'
-        with NodeProcesses(commands, environment, logs, options.nodes) as nodes:
+        with NodeProcesses(
+            commands, environment, logs, options.nodes,
+            scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
+        ) as nodes:  # fmt: skip
             outcome.interrupted = _supervise(nodes, config, watch, stop, faults)
             outcome.problem = nodes.blame(outcome.interrupted)
             report = nodes.report
@@ -141,11 +143,11 @@ def _commands(
     torques = directory / 'torques.csv'
     if config.torques:
         torques.write_text(scenario.write_torques(config.torques), encoding='utf-8')
-    resolved = directory / 'scenario.yaml'
+    resolved = _resolved(directory)
     resolved.write_text(
         scenario.dump(config, str(torques.resolve()) if config.torques else None), encoding='utf-8'
     )
-    arguments = ['--params-file', str(resolved.resolve())]
+    arguments = ['--params-file', str(resolved)]
     pace = [f'plant:real_time_factor:={_number(options.rtf)}'] if options.rtf else []
     if faults is not None and faults.ticks:
         pace.append("plant:hold_at:='" + ','.join(map(str, faults.ticks)) + "'")
@@ -161,6 +163,11 @@ def _commands(
         every = [value for role in roles for value in own.get(role, [])]
         return {'compose': node_command('compose', arguments + _overrides(every), roles)}
     return {role: node_command(role, arguments + _overrides(own.get(role, []))) for role in roles}
+
+
+def _resolved(directory: Path) -> Path:
+    """Return the file with every parameter of the run, as the nodes read it."""
+    return (directory / 'scenario.yaml').resolve()
 
 
 def quoted(text: str) -> str:

@@ -1,0 +1,151 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One process that imports once and forks: what ``python -m MODULE ...`` does, many times over.
+
+``python -m flexarm_ros.launcher.nursery`` reads a request from its standard input (JSON: modules
+to import, the scenario whose compiled functions to load, and for each child its command line and
+the descriptors of its standard files), forks the children, prints their process ids and ends.
+`flexarm_ros.launcher.forked` asks.
+
+Children of one process have its addresses.  The processor keeps what it has learned of a
+program's jumps by their addresses, so each child finds the interpreter warm that another has
+just used; processes that are started each by itself have addresses of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import ctypes
+import gc
+from importlib import import_module
+import json
+import os
+import runpy
+import signal
+import sys
+from typing import Any
+import warnings
+
+from flexarm_ros import scenario
+from flexarm_ros.core.warmup import warm_up
+
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_PR_SET_MM, _PR_SET_MM_MAP = 35, 14
+
+
+class _Map(ctypes.Structure):
+    """What the kernel knows of where things are in a process: ``prctl_mm_map`` of prctl(2)."""
+
+    _ADDRESSES = (
+        'start_code', 'end_code', 'start_data', 'end_data', 'start_brk', 'brk', 'start_stack',
+        'arg_start', 'arg_end', 'env_start', 'env_end', 'auxv',
+    )  # fmt: skip
+    _fields_ = (
+        *((name, ctypes.c_uint64) for name in _ADDRESSES),
+        ('auxv_size', ctypes.c_uint32),
+        ('exe_fd', ctypes.c_uint32),
+    )
+
+
+_STAT = {'start_code': 26, 'end_code': 27, 'start_stack': 28, 'start_data': 45, 'end_data': 46,
+         'start_brk': 47, 'env_start': 50, 'env_end': 51}  # fmt: skip
+"""Field -> its number in ``/proc/self/stat``, see proc(5)."""
+
+_shown: list[ctypes.Array[ctypes.c_char]] = []
+"""Command lines that the kernel has been given: they stay where they are."""
+
+
+def show_command(words: Sequence[str]) -> None:
+    """
+    Let this process have ``words`` as its command line, in ``ps`` and ``/proc``.
+
+    Raises OSError where the kernel does not do that (it is for CRIU: CONFIG_CHECKPOINT_RESTORE).
+    """
+    data = b''.join(os.fsencode(word) + b'\0' for word in words)
+    shown = ctypes.create_string_buffer(data, len(data))
+    with open('/proc/self/stat', encoding='utf-8', errors='replace') as file:
+        stat = file.read().rpartition(')')[2].split()
+    known = {name: int(stat[number - 3]) for name, number in _STAT.items()}
+    _LIBC.sbrk.restype = ctypes.c_void_p
+    start = ctypes.addressof(shown)
+    places = _Map(
+        brk=_LIBC.sbrk(0), arg_start=start, arg_end=start + len(data), exe_fd=2**32 - 1, **known
+    )
+    size = ctypes.c_ulong(ctypes.sizeof(places))
+    if _LIBC.prctl(_PR_SET_MM, _PR_SET_MM_MAP, ctypes.byref(places), size, ctypes.c_ulong(0)):
+        raise OSError(ctypes.get_errno(), 'cannot show a command line')
+    _shown.append(shown)
+
+
+def main() -> int:
+    """Do what the request on standard input asks for; a child goes on as its own command."""
+    request = json.load(sys.stdin)
+    show_command(sys.orig_argv)  # where it does not work nothing is forked
+    for name in request['modules']:
+        import_module(name)
+    if request['scenario']:
+        warm_up(scenario.load(request['scenario'], []))
+    gc.collect()
+    gc.freeze()  # what is imported is everybody's: a collection that walked it would copy it
+    gate, opener = os.pipe()
+    pids: dict[str, int] = {}
+    for child in request['children']:
+        pid = _fork(pids)
+        if pid == 0:
+            os.close(opener)
+            _take_files(child['files'], request['children'])
+            if not os.read(gate, 1):
+                return 1  # nobody knows of this process
+            os.close(gate)
+            return _be(child['command'])
+        pids[child['name']] = pid
+    print(json.dumps(pids), flush=True)
+    os.write(opener, b'.' * len(pids))
+    os._exit(0)  # what the imports have made is the children's
+
+
+def _fork(others: dict[str, int]) -> int:
+    """Fork; where that fails, end the ``others`` and raise OSError."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # of numpy's threads: OpenBLAS minds forks itself
+            return os.fork()
+    except OSError:
+        for pid in others.values():
+            os.kill(pid, signal.SIGKILL)
+        raise
+
+
+def _take_files(files: Sequence[int], children: Sequence[dict[str, Any]]) -> None:
+    """Make ``files`` the standard ones, and close those that are the other children's."""
+    for number, descriptor in enumerate(files):
+        os.dup2(descriptor, number)
+    for descriptor in {each for child in children for each in child['files']}:
+        os.close(descriptor)
+
+
+def _be(command: list[str]) -> int:
+    """Do what ``python -m MODULE ...`` does."""
+    os.setsid()
+    show_command(command)
+    sys.orig_argv[:] = command
+    sys.argv[1:] = command[3:]
+    runpy.run_module(command[2], run_name='__main__', alter_sys=True)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
