@@ -153,7 +153,8 @@ def _draw(plain: dict[int, Used], bag: dict[int, Used], modes: dict[int, float],
                 list(values), [v.memory for v in values.values()], 'o-', color=color, label=label
             )
         axes[0].set(xlabel='simulated minutes', ylabel='processor time, s')
-        axes[1].set(xlabel='simulated minutes', ylabel='peak memory, MiB', ylim=(0.0, None))
+        most = max(used.memory for used in (*plain.values(), *bag.values()))
+        axes[1].set(xlabel='simulated minutes', ylabel='peak memory, MiB', ylim=(0.0, 1.25 * most))
         axes[1].legend()
         axes[2].plot(list(modes), list(modes.values()), 'o-', color=BLUE)
         axes[2].set(xlabel='modes a link', ylabel='us a tick', ylim=(0.0, None))

@@ -153,7 +153,7 @@ class _Recorder:
 def _messages(count: int, kind: str) -> tuple[list[Topic], bytes, int]:
     chosen = topics(count, kind)
     data = chosen[0].codec.encode(1, *(0.5 + i for i in range(len(chosen[0].codec.fields))))
-    return chosen, data, max(1, (40_000 if kind == 'small' else 4_000) // count)
+    return chosen, data, max(1, (200_000 if kind == 'small' else 20_000) // count)
 
 
 def write_alone(count: int, kind: str) -> float:
