@@ -65,13 +65,14 @@ class MeasurementFailed(Exception):
 
 @contextlib.contextmanager
 def processes(
-    commands: dict[str, list[str]], **options: Any
+    commands: dict[str, list[str]], apart: bool = False, **options: Any
 ) -> Iterator[tuple[dict[str, Any], dict[str, str]]]:
     """
     Start commands in a domain of their own; none is left when the block ends.
 
-    Several are forks of one process, as `flexarm run` has them.  ``env`` in ``options`` is
-    added to their environment.  Yields the processes and the environment.
+    Several are forks of one process, as `flexarm run` has them, unless they are to start
+    ``apart``.  ``env`` in ``options`` is added to their environment.  Yields the processes and
+    the environment.
     """
     with reserved_domain() as domain, contextlib.ExitStack() as stack:
         environment = {
@@ -92,7 +93,7 @@ def processes(
             litter.remove()
 
         try:
-            if len(commands) > 1:
+            if len(commands) > 1 and not apart:
                 started.update(_forks(commands, environment, stack, **options))
             for name, command in commands.items():
                 if name not in started:
@@ -163,8 +164,8 @@ def floor(ticks: int, mode: str = 'raw') -> Cost:
     return Cost(facts['plant']['wall_s'] / ticks * 1e6, sum(roles.values()), {}, roles)
 
 
-def nodes(ticks: int, traced: bool = False, compose: bool = False) -> Cost:
-    """Run the real nodes by hand, recorder included, with their costs told by themselves."""
+def nodes(ticks: int, traced: bool = False, compose: bool = False, apart: bool = False) -> Cost:
+    """Run the real nodes, recorder included, with their costs told by themselves."""
     with tempfile.TemporaryDirectory(prefix='flexarm-bench-') as folder:
         there = Path(folder)
         params = there / 'scenario.yaml'
@@ -181,7 +182,7 @@ def nodes(ticks: int, traced: bool = False, compose: bool = False) -> Cost:
         }  # fmt: skip
         quiet = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL}
         plain = {} if traced else {PLAIN: '1'}
-        with processes(commands, env=plain, **quiet) as (started, _):
+        with processes(commands, apart, env=plain, **quiet) as (started, _):
             deadline = time.monotonic() + LIMIT_S
             for process in started.values():
                 process.wait(max(0.0, deadline - time.monotonic()))

@@ -38,6 +38,8 @@ MODULES = (
 """What the nodes of a run import."""
 
 _LIMIT_S = 300.0
+"""Wall time for imports, and for compiling where nothing has been compiled yet."""
+
 _LIBC = ctypes.CDLL(None)
 _PR_SET_CHILD_SUBREAPER, _PR_GET_CHILD_SUBREAPER = 36, 37
 _adopting = threading.Lock()

@@ -126,6 +126,7 @@ def _fork(others: dict[str, int]) -> int:
     except OSError:
         for pid in others.values():
             os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
         raise
 
 
