@@ -130,6 +130,15 @@ def test_what_cannot_be_imported(tmp_path: Path) -> None:
             start(commands(one='0', other='0'), files, ENV, modules=('no_such_module',))
 
 
+def test_what_is_imported_may_print(tmp_path: Path) -> None:
+    (tmp_path / 'chatty.py').write_text('print("hello")')
+    env = {**ENV, 'PYTHONPATH': os.pathsep.join([ENV['PYTHONPATH'], str(tmp_path)])}
+    with open(tmp_path / 'log', 'wb') as log:
+        files = dict.fromkeys(('one', 'other'), (log.fileno(),) * 3)
+        started = start(commands(one='3', other='4'), files, env, modules=('chatty',))
+    assert [process.wait(30) for process in started.values()] == [3, 4]
+
+
 def test_we_adopt_nobody_else() -> None:
     flag = ctypes.c_int(-1)
     ctypes.CDLL(None).prctl(37, ctypes.byref(flag))

@@ -143,7 +143,8 @@ def start(
             raise
     if nursery.returncode != 0:
         raise NotForked(trouble.strip() or f'exit status {nursery.returncode}')
-    return {name: Adopted(pid) for name, pid in json.loads(told).items()}
+    pids = json.loads(told.splitlines()[-1])  # what is imported may print
+    return {name: Adopted(pid) for name, pid in pids.items()}
 
 
 @contextlib.contextmanager
