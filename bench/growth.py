@@ -155,7 +155,7 @@ def _draw(plain: dict[int, Used], bag: dict[int, Used], modes: dict[int, float],
         axes[0].set(xlabel='simulated minutes', ylabel='processor time, s')
         most = max(used.memory for used in (*plain.values(), *bag.values()))
         axes[1].set(xlabel='simulated minutes', ylabel='peak memory, MiB', ylim=(0.0, 1.25 * most))
-        axes[1].legend()
+        axes[1].legend(loc='lower right')
         axes[2].plot(list(modes), list(modes.values()), 'o-', color=BLUE)
         axes[2].set(xlabel='modes a link', ylabel='us a tick', ylim=(0.0, None))
         axes[3].plot(list(sensors), list(sensors.values()), 'o-', color=BLUE)
