@@ -95,8 +95,8 @@ def processes(
         try:
             if len(commands) > 1 and not apart:
                 started.update(_forks(commands, environment, stack, **options))
-            for name, command in commands.items():
-                if name not in started:
+            else:
+                for name, command in commands.items():
                     started[name] = stack.enter_context(
                         subprocess.Popen(command, env=environment, text=True, **options)
                     )

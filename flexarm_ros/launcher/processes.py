@@ -126,15 +126,13 @@ class NodeProcesses:
                     )
             if not self.running:
                 compile_here()  # once, not in every process at once
-            for name, command in commands.items():
-                if name in self.running:
-                    continue
-                with open(logs / f'{name}.log', 'wb') as log:
-                    self.running[name] = subprocess.Popen(
-                        command, env=environment, cwd=logs, stdin=subprocess.DEVNULL, stdout=log,
-                        stderr=subprocess.STDOUT, pass_fds=(write, alive_read),
-                        start_new_session=True,
-                    )  # fmt: skip
+                for name, command in commands.items():
+                    with open(logs / f'{name}.log', 'wb') as log:
+                        self.running[name] = subprocess.Popen(
+                            command, env=environment, cwd=logs, stdin=subprocess.DEVNULL,
+                            stdout=log, stderr=subprocess.STDOUT, pass_fds=(write, alive_read),
+                            start_new_session=True,
+                        )  # fmt: skip
             for name, command in foreign.items():
                 self.running[name] = _start_foreign(command, env, logs / f'{name}.log')
         except BaseException:
