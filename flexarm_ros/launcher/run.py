@@ -246,10 +246,11 @@ class _Leaving:
         state = (len(nodes.ours), nodes.report.tick)
         if state != self._state:
             self._state, self._since = state, now
-        elif now - self._since > self._limit_s:
-            late = ', '.join(nodes.busy)
-            if not late:
-                nodes.end(0.0)
-                return
+            return
+        idle = now - self._since
+        late = ', '.join(nodes.busy)
+        if not late and idle > LEAVING_S:
+            nodes.end(0.0)
+        elif late and idle > self._limit_s:
             text = f'tick {nodes.report.tick}: did not leave within {self._limit_s:g} s of the end'
             nodes.report.failures.append({'role': late, 'blame': late, 'text': text})

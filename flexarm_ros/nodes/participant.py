@@ -33,12 +33,17 @@ from flexarm_ros.nodes.parameters import declare_and_load, declare_own, Own
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.status import Board, Phase
 from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 _JOIN_INTERVAL_S = 0.02
 _STALL_S = 0.5
 _FLUSH_S = 4.0
+_REPAIR_S = 1.0
+"""Wall time in which a node that stood still has asked for what it missed."""
 _FAILED_FLUSH_S = 1.0
+_INTERRUPTED_FLUSH_S = 2.0
+_ACK_SLICE_S = 0.2
 _SLOW_S = 1.0
 """Wall time of a tick from which on diagnostics tell what it waits for."""
 
@@ -381,20 +386,25 @@ class Participant(Node):
         if self.invalid:
             self.get_logger().warning(f'{self.invalid} invalid messages in all')
 
-    def flush(self, limit_s: float = _FLUSH_S) -> None:
+    def flush(self, limit_s: float | None = None) -> None:
         """
-        Wait until every reader has this node's messages, four seconds at the longest.
+        Wait until every reader has this node's messages, for ``limit_s`` at the longest.
 
-        A lost message is asked for at the next heartbeat, which Fast DDS sends every
-        three seconds where it has not our settings (see `flexarm_ros.nodes.middleware`);
-        a user who ends the run does not wait that long.
+        Without one as long as a peer may take to answer, since who stands still reads
+        nothing, and four seconds at least: a lost message is asked for at the next heartbeat,
+        which Fast DDS sends every three seconds where it has not our settings (see
+        `flexarm_ros.nodes.middleware`).  A user who ends the run does not wait that long.
         """
-        from rclpy.duration import Duration
-
-        deadline = time.monotonic() + min(limit_s, 2.0 if self.interrupted else limit_s)
+        if limit_s is None:
+            limit_s = max(_FLUSH_S, self.config.run.tick_timeout + _REPAIR_S)
+        began = time.monotonic()
         for output in [*self.outputs.values(), *self.side_outputs]:
-            left = max(0.0, deadline - time.monotonic())
-            output.publisher.wait_for_all_acked(Duration(seconds=left))
+            # In slices: a signal is heard between them.
+            while not output.publisher.wait_for_all_acked(Duration(seconds=_ACK_SLICE_S)):
+                ending = self.interrupted or self.supervisor.gone
+                limit = min(limit_s, _INTERRUPTED_FLUSH_S if ending else limit_s)
+                if time.monotonic() - began > limit:
+                    return
 
     def interrupt(self) -> None:
         """Leave because the user or the launcher said so."""
