@@ -20,6 +20,7 @@ import contextlib
 import json
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -214,13 +215,21 @@ def test_a_node_that_is_stopped_for_a_while_changes_nothing(
     As by Ctrl-Z and fg, or where an overloaded machine does not let it run.
 
     Fast DDS has then dropped messages to it.  The others have flown to the end long before the
-    recorder goes on: they stay until it has what they sent.
+    recorder goes on: they stay until it has what they sent.  In about one stop of a hundred Fast
+    DDS loses a link for good and the run ends by its limit (docs/reliability.md): one more try.
     """
     config = scenario.load('fls_tip', ['duration=0.5', 'tick_timeout=10.0'])
-    plan = FaultPlan([Fault(0.25, role, 'delay', seconds=seconds)], Timeline.of(config.run))
-    outcome = run.run_scenario(config, 'fls_tip', tmp_path / 'run', run.RunOptions(), faults=plan)
+    for attempt in ('first', 'second'):
+        out = tmp_path / attempt
+        fault = Fault(0.25, role, 'delay', seconds=seconds)
+        outcome = run.run_scenario(
+            config, 'fls_tip', out, run.RunOptions(),
+            faults=FaultPlan([fault], Timeline.of(config.run)),
+        )  # fmt: skip
+        if not re.search('no [a-z]+ on [a-z_/]+ within 10 s$', outcome.problem):
+            break
     assert outcome.problem == ''
-    check_bag(tmp_path / 'run', config, 500)
+    check_bag(out, config, 500)
 
 
 def test_a_node_that_is_done_but_cannot_leave_is_no_fault_of_the_run(
