@@ -215,8 +215,8 @@ def test_a_node_that_is_stopped_for_a_while_changes_nothing(
     As by Ctrl-Z and fg, or where an overloaded machine does not let it run.
 
     Fast DDS has then dropped messages to it.  The others have flown to the end long before the
-    recorder goes on: they stay until it has what they sent.  In about one stop of a hundred Fast
-    DDS loses a link for good and the run ends by its limit (docs/reliability.md): one more try.
+    recorder goes on: they stay until it has what they sent.  Now and then Fast DDS loses a link
+    for good and the run ends by its limit (docs/reliability.md): one more try.
     """
     config = scenario.load('fls_tip', ['duration=0.5', 'tick_timeout=10.0'])
     for attempt in ('first', 'second'):
