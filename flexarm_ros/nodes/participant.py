@@ -401,9 +401,9 @@ class Participant(Node):
         for output in [*self.outputs.values(), *self.side_outputs]:
             # In slices: a signal is heard between them.
             while not output.publisher.wait_for_all_acked(Duration(seconds=_ACK_SLICE_S)):
-                ending = self.interrupted or self.supervisor.gone
-                limit = min(limit_s, _INTERRUPTED_FLUSH_S if ending else limit_s)
-                if time.monotonic() - began > limit:
+                if self.interrupted or self.supervisor.gone:
+                    limit_s = min(limit_s, _INTERRUPTED_FLUSH_S)
+                if time.monotonic() - began > limit_s:
                     return
 
     def interrupt(self) -> None:
