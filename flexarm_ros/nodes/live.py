@@ -149,8 +149,11 @@ class ChangesInput:
             except ValueError as error:
                 self._me.invalid_message(changes.TOPIC, str(error))
                 continue
-            if self._me.membership.sent_by(change.node, taken[1]):
+            ours = self._me.membership.sent_by(change.node, changes.TOPIC, taken[1])
+            if ours:
                 found.append(change)
+            elif ours is None:
+                self._me.invalid_message(changes.TOPIC, 'publishers outside this run')
         return found
 
     def drain(self) -> None:

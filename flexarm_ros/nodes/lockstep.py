@@ -32,6 +32,7 @@ from flexarm_ros.bag.topics import Topic
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.graph import message_class, qos_profile
+from flexarm_ros.nodes.identity import gid_of, SenderInfo
 from flexarm_ros.nodes.status import printable
 import numpy as np
 
@@ -117,7 +118,10 @@ class Input:
         self.arrived: deque[tuple[bytes, int, Values]] = deque()
         self.near = False
         """Whether the publisher is in this process and hands its messages over; see `connect`."""
-        self.accepted: bytes | None = None
+        self.accepted = b''
+        """Sender (`identity.sender_of`) of the one publisher that this run has for the topic."""
+        self._unnamed = True
+        """Whether messages do not tell whether their publisher is the run's."""
         self.source = topic.node
         self._rising = False
         # /clock is every arm's of a graph; the others are this run's alone.
@@ -130,6 +134,7 @@ class Input:
         self.tick = -1
         self.data = b''
         self._sequence: int | None = None
+        self._numbered = True
         self.values: Values = ()
         self.arrived.clear()
         self._last_stamp = -(2**63)
@@ -185,26 +190,59 @@ class Input:
                 return None
             data: bytes = taken[0]
             info = taken[1]
-            if self._ours(info):
-                number = info.get('publication_sequence_number')
-                if number is not None:
-                    if self._sequence is not None and number != self._sequence + 1:
-                        raise RunFailed(
-                            self.source, f'tick {tick}: a message on {self.topic.name} is lost'
-                        )
-                    self._sequence = number
+            if self._ours(info) and self._in_sequence(info, tick):
                 return data
             self._complain(self._unwanted)
         return None
 
     def _ours(self, info: dict[str, Any]) -> bool:
         """Whether a message comes from the publisher that this run has for the topic."""
-        sender = info.get('publisher_gid')
-        return not self.accepted or sender is None or sender['data'][:16] == self.accepted
+        if self._unnamed:
+            return True
+        sender: bytes = info['publisher_gid']['data'][:16]
+        if not self.accepted:  # a handle; the graph showed one publisher only
+            self.accepted = sender
+        return sender == self.accepted
+
+    def _in_sequence(self, info: dict[str, Any], tick: int) -> bool:
+        """
+        Whether a message follows the last one of the run's publisher; see `_next`.
+
+        True too where the middleware does not number messages.  A gap is a lost message,
+        unless messages do not tell their publisher and there is a second one: then the
+        stamp tells, or where it need not be the tick's, the number alone.
+        """
+        number = info.get('publication_sequence_number')
+        if number is None or not self._numbered:
+            return True
+        if self._sequence is not None and number != self._sequence + 1:
+            if not self._unnamed or self._only_publisher():
+                raise RunFailed(
+                    self.source, f'tick {tick}: a message on {self.topic.name} is lost'
+                )
+            if not self._exact:
+                return False
+            self._numbered = False
+        self._sequence = number
+        return True
+
+    def _mixed(self) -> bool:
+        """Whether what comes may be another arm's clock, and messages do not tell."""
+        if self._unwanted or not self._unnamed:
+            return False
+        return not (self._numbered and self._only_publisher())
+
+    def _only_publisher(self) -> bool:
+        """Whether the middleware has connected one publisher at most."""
+        return bool(self.handle.get_publisher_count() <= 1)
 
     def _complain(self, fault: str) -> None:
-        """Count a message as invalid; nothing where there is no fault with it."""
-        if fault:
+        """
+        Count a message as invalid; nothing where there is no fault with it.
+
+        Another arm's clock, where messages do not tell their publisher, is no fault.
+        """
+        if fault and not self._mixed():
             self._participant.invalid_message(self.topic.name, fault)
 
     def _read(self, data: bytes) -> str:
@@ -296,17 +334,20 @@ class Input:
             taken = self._take(self._type, True) if self.near else None
             if taken is None:
                 return
-            if not self._ours(taken[1]):
+            unnamed = self._unnamed and not self._only_publisher()
+            if unnamed or not self._ours(taken[1]):
                 self._complain(self._unwanted)
 
-    def bind(self, endpoints: Sequence[Any], foreign: bool) -> None:
+    def bind(self, endpoint: Any, told: SenderInfo, foreign: bool) -> None:
         """
-        Accept messages of the one publisher in ``endpoints`` only.
+        Accept messages of the publisher ``endpoint`` only, as far as messages tell theirs.
 
-        One of somebody else's (``foreign``) may send a measurement twice, which its
-        stamp tells, unless the sensor holds samples for some ticks.
+        An external sensor's (``foreign``) stamps must increase, so that duplicates are
+        caught, unless `tip_sensor.rate` holds samples.
         """
-        self.accepted = bytes(endpoints[0].endpoint_gid)[:16]
+        shared = not self._unwanted  # a handle is told from others only where there is one
+        self._unnamed = told is SenderInfo.NONE or (told is SenderInfo.HANDLE and shared)
+        self.accepted = gid_of(endpoint) if told is SenderInfo.GID else b''
         held = self.source == 'tip_sensor' and self._participant.config.tip_sensor.rate > 0.0
         self._rising = foreign and not self._exact and not held
 

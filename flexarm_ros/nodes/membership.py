@@ -17,13 +17,16 @@
 from __future__ import annotations
 
 from itertools import chain
+import time
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
 from flexarm_ros.nodes.epochs import epoch_of, plant_of
 from flexarm_ros.nodes.graph import OUTPUT, READERS, readers, ROLES
+from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo
 from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
 from flexarm_ros.nodes.status import Board, Phase, Status
 from rclpy.qos import qos_check_compatible, QoSCompatibility
 
@@ -31,7 +34,11 @@ if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
 _FOREIGN_AFTER_S = 2.0
-"""Who has not introduced himself by then is somebody else's node."""
+"""Seconds after which a publisher without a status counts as an external node."""
+_ECHO_S = 5.0
+"""Longest wait for this node's own status to come back through the middleware."""
+_STRANGERS_S = 0.1
+"""Time for which a look at the graph for publishers outside the run holds."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
 _BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 
@@ -52,6 +59,8 @@ class Membership:
         self._unmatched_since: float | None = None
         self.foreign: set[str] = set()
         self._members: dict[str, str] = {}
+        self._trusted: dict[str, set[bytes]] = {}
+        self._shared: dict[str, tuple[float, bool]] = {}
 
     def required(self) -> list[str]:
         """Return the roles that the run needs, this node's own left out."""
@@ -77,13 +86,36 @@ class Membership:
         held = self._board.of(role)
         return min(held, key=lambda s: (s.phase.over, s.identity)) if held else None
 
-    def sent_by(self, role: str, info: dict[str, Any]) -> bool:
-        """Whether a message with this ``info`` comes from the holder of ``role``."""
+    def sent_by(self, role: str, topic: str, info: dict[str, Any]) -> bool | None:
+        """
+        Whether a message on ``topic`` with this ``info`` comes from the holder of ``role``.
+
+        Where a message does not tell its publisher's GID: whether it comes from a node of
+        the run; None where that cannot be told, because others publish there too.
+        """
         status = self.status_of(role)
-        sender = info.get('publisher_gid')
-        if status is None or sender is None:
+        if status is None:
             return role in self.foreign
-        return bool(bytes(sender['data'])[:12] == self._board.gid(status)[:12])
+        sender, length = sender_of(info), gid_prefix()
+        if self._board.sender_info is SenderInfo.GID and length:
+            return sender[:length] == self._board.source(status)
+        trusted = self._trusted.setdefault(topic, set())
+        if sender in trusted:
+            return True
+        if self._shared_with_strangers(topic):
+            return None
+        if sender:
+            trusted.add(sender)
+        return True
+
+    def _shared_with_strangers(self, topic: str) -> bool:
+        """Whether nodes outside the run publish ``topic``, as the graph showed a moment ago."""
+        now = time.monotonic()
+        until, shared = self._shared.get(topic, (now, False))
+        if now >= until:
+            shared = bool(self._strangers(topic))
+            self._shared[topic] = now + _STRANGERS_S, shared
+        return shared
 
     def settle(self) -> None:
         """Keep to the peers that are there now: a newcomer changes nothing any more."""
@@ -95,6 +127,9 @@ class Membership:
     def join(self, now: float) -> bool:
         """Return True when every role is filled and all agree on the scenario."""
         self._check_patience(now)
+        if self._board.sender_info is None:
+            self._check_echo(now)
+            return False
         self._board.forget_the_gone()
         self._refuse_a_second_holder()
         missing = [role for role in self.required() if not self._filled(role, now)]
@@ -111,6 +146,11 @@ class Membership:
         """Restart the limit on joining at each newcomer."""
         if self._since is None or self._newcomers != self._board.newcomers:
             self._since, self._newcomers = now, self._board.newcomers
+
+    def _check_echo(self, now: float) -> None:
+        """Refuse a middleware that does not return this node's own status."""
+        if self._since is not None and now - self._since > _ECHO_S:
+            self._refuse(f"{name()} has not returned this node's own status in {_ECHO_S:g} s")
 
     def _patience_for(self, missing: list[str], now: float) -> None:
         limit = self._me.config.run.start_timeout
@@ -151,7 +191,7 @@ class Membership:
         It may be another holder of this node's role, whose status is on its way.
         """
         since = self._silent_since
-        self._silent_since = {gid: since.get(gid, now) for gid in self._board.silent()}
+        self._silent_since = {source: since.get(source, now) for source in self._board.silent()}
         return any(now - first < _FOREIGN_AFTER_S for first in self._silent_since.values())
 
     def _filled(self, role: str, now: float) -> bool:
@@ -177,25 +217,25 @@ class Membership:
         Discovery shows a node's publishers before its subscriptions: to begin
         in between would cost it the first message.
         """
-        senders = {bytes(endpoint.endpoint_gid)[:12] for endpoint in strangers}
-        topics = [name for name, roles in READERS.items() if role in roles]
+        senders = {source_of(endpoint) for endpoint in strangers}
+        topics = [topic for topic, roles in READERS.items() if role in roles]
         readers = {
-            bytes(endpoint.endpoint_gid)[:12]
-            for name in topics
+            source_of(endpoint)
+            for topic in topics
             for endpoint in self._me.get_subscriptions_info_by_topic(
-                self._me.resolve_topic_name(name)
+                self._me.resolve_topic_name(topic)
             )
         }
         return bool(senders & readers if topics else senders)
 
     def _strangers(self, topic: str) -> list[Any]:
         """Return the publishers of ``topic`` that belong to no participant."""
-        name = self._me.resolve_topic_name(topic)
+        resolved = self._me.resolve_topic_name(topic)
         known = self._board.writers()
         return [
             endpoint
-            for endpoint in self._me.get_publishers_info_by_topic(name)
-            if bytes(endpoint.endpoint_gid)[:12] not in known
+            for endpoint in self._me.get_publishers_info_by_topic(resolved)
+            if source_of(endpoint) not in known
         ]
 
     def _merge(self) -> RunConfig:
@@ -221,10 +261,22 @@ class Membership:
         if late is None:
             return True
         self._unmatched_since = now if self._unmatched_since is None else self._unmatched_since
-        limit = self._me.config.run.start_timeout
-        if now - self._unmatched_since > limit:
+        waited, limit = now - self._unmatched_since, self._me.config.run.start_timeout
+        if waited > min(_ECHO_S, limit):
+            self._check_names()
+        if waited > limit:
             raise RunFailed('', f'start: {late} is not connected within {limit:g} s')
         return False
+
+    def _check_names(self) -> None:
+        """Raise RunFailed where nodes of one name cannot be told apart."""
+        for role in self.required():
+            status = self.status_of(role)
+            if status is not None and not self._board.source(status):
+                raise RunFailed(
+                    '', f'start: two nodes are named {status.node}, which {name()} does not '
+                    'tell apart; give one another name (-r __node:=NAME)'
+                )  # fmt: skip
 
     def _input_matched(self, entry: Any) -> bool:
         endpoints = self._me.get_publishers_info_by_topic(entry.subscription.topic_name)
@@ -233,19 +285,18 @@ class Membership:
             mine = strangers
         else:
             status = self.status_of(entry.source)
-            prefix = self._board.gid(status)[:12] if status and not status.phase.over else None
-            mine = [e for e in endpoints if bytes(e.endpoint_gid)[:12] == prefix]
+            source = self._board.source(status) if status and not status.phase.over else b''
+            mine = [e for e in endpoints if source and source_of(e) == source]
             if entry.topic.name == '/clock':
                 strangers = []  # another arm of this graph may have a clock too
             mine += strangers
         if len(mine) > 1:
-            nodes = ' and '.join(
-                sorted(f'{e.node_namespace.rstrip("/")}/{e.node_name}' for e in mine)
-            )
+            nodes = ' and '.join(sorted(node_of(endpoint) for endpoint in mine))
             raise RunFailed('', f'start: two publishers on {entry.topic.name}: {nodes}')
         if not mine or entry.subscription.handle.get_publisher_count() < 1:
             return False
-        entry.bind(mine, foreign=entry.source in self.foreign)
+        assert self._board.sender_info is not None
+        entry.bind(mine[0], self._board.sender_info, entry.source in self.foreign)
         return True
 
     def _output_matched(self, output: Any) -> bool:
@@ -258,8 +309,8 @@ class Membership:
             status = self.status_of(role)
             if status is None:
                 return False
-            prefix = self._board.gid(status)[:12]
-            if not any(bytes(e.endpoint_gid)[:12] == prefix for e in endpoints):
+            source = self._board.source(status)
+            if not source or not any(source_of(e) == source for e in endpoints):
                 return False
         mine = output.publisher.qos_profile
         able = sum(

@@ -62,7 +62,9 @@ class PlantNode(Participant):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._recorded = ProgressInput(self, RECORDED_TOPIC, 'recorder')
+        self._recorded = ProgressInput(
+            self, RECORDED_TOPIC, 'recorder', most=lambda: self.tick + 1
+        )
         self._reached = ProgressOutput(self, TICK_TOPIC)
         self.side_inputs.append(self._recorded)
         self.side_outputs.append(self._reached)

@@ -21,6 +21,7 @@ run is, the recorder tells the plant how much is in the bag.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
@@ -47,11 +48,18 @@ class ProgressOutput:
 
 
 class ProgressInput:
-    """The largest number of ticks that the holder of ``role`` has told on ``topic``."""
+    """
+    The largest number of ticks that the holder of ``role`` has told on ``topic``.
 
-    def __init__(self, participant: Participant, topic: str, role: str) -> None:
+    ``most`` returns the largest number that is possible now: a limit on what another
+    publisher can do where messages do not tell theirs.
+    """
+
+    def __init__(
+        self, participant: Participant, topic: str, role: str, most: Callable[[], int]
+    ) -> None:
         self._participant = participant
-        self._role = role
+        self._role, self._topic, self._most = role, topic, most
         self._subscription = participant.create_subscription(
             UInt64, topic, lambda _: None, _QOS, callback_group=HOT,
             qos_overriding_options=NO_OVERRIDES,
@@ -64,7 +72,8 @@ class ProgressInput:
         taken = self.handle.take_message(UInt64, False)
         if taken is None:
             return False
-        if self._participant.membership.sent_by(self._role, taken[1]):
+        ours = self._participant.membership.sent_by(self._role, self._topic, taken[1])
+        if ours or (ours is None and taken[0].data <= self._most()):
             self.ticks = max(self.ticks, taken[0].data)
         return True
 

@@ -25,14 +25,18 @@ scenario, without a master.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 import time
+from typing import Any
 import uuid
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.identity import gid_of, node_of, sender_of, SenderInfo
+from flexarm_ros.nodes.middleware import gid_prefix, source_of
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -167,9 +171,11 @@ class Board:
         self.going = False
         """Whether this node takes part in a run that has begun and goes on."""
         self.others: dict[str, Status] = {}
-        self._gids: dict[str, bytes] = {}
+        self.sender_info: SenderInfo | None = None
+        """What messages tell of their publisher; None until this node's own has come back."""
+        self._senders: dict[str, bytes] = {}
+        self._sources: dict[str, bytes] = {}
         self._seen: set[str] = set()
-        self._spoke: set[bytes] = set()
         self.newcomers = 0
         self._publisher = node.create_publisher(
             DiagnosticStatus, TOPIC, _QOS, qos_overriding_options=NO_OVERRIDES
@@ -192,16 +198,25 @@ class Board:
             if taken is None:
                 break
             status = Status.from_message(taken[0])
-            gid = bytes(taken[1].get('publisher_gid', {}).get('data', b''))
-            self._spoke.add(gid[:16])
-            if status is None or status.identity == self.mine.identity:
+            if status is None:
                 continue
-            if status.identity not in self.others:
-                self.newcomers += 1
-                self._gids[status.identity] = gid
-            elif self._gids[status.identity] != gid:
-                continue  # somebody speaks in another's name
+            sender = sender_of(taken[1])
+            if self._senders.setdefault(status.identity, sender) != sender:
+                continue  # another publisher uses this identity
+            if status.identity == self.mine.identity:
+                continue
+            self.newcomers += status.identity not in self.others
             self.others[status.identity] = status
+        if self.sender_info is None and self.mine.identity in self._senders:
+            self._measure(self._senders[self.mine.identity])
+
+    def _measure(self, sender: bytes) -> None:
+        """Find out what messages tell of their publisher from what this node's own tells."""
+        own = {gid_of(e) for e in self._publishers() if node_of(e) == self.mine.node}
+        if not sender:
+            self.sender_info = SenderInfo.NONE
+        elif own:
+            self.sender_info = SenderInfo.GID if sender in own else SenderInfo.HANDLE
 
     def forget_the_gone(self) -> None:
         """
@@ -209,29 +224,54 @@ class Board:
 
         A message may come before the graph shows its publisher.
         """
-        alive = self._publishers()
-        for identity, gid in list(self._gids.items()):
-            if gid[:16] in alive:
+        alive = {source_of(endpoint) for endpoint in self._publishers()}
+        for status in list(self.others.values()):
+            source, identity = self.source(status), status.identity
+            if source in alive:
                 self._seen.add(identity)
             elif identity in self._seen:
-                del self.others[identity], self._gids[identity]
+                del self.others[identity], self._senders[identity], self._sources[identity]
 
     def silent(self) -> set[bytes]:
-        """Return the publishers in the graph (gids) from which no status has come yet."""
-        return self._publishers() - self._spoke
+        """Return the sources with more status publishers in the graph than statuses heard."""
+        shown = Counter(source_of(endpoint) for endpoint in self._publishers())
+        heard = Counter(self.source(status) for status in (self.mine, *self.others.values()))
+        return set(shown - heard)
 
-    def _publishers(self) -> set[bytes]:
-        """Return the gids of all who publish a status, this node included."""
-        topic = self._publisher.topic_name
-        return {bytes(e.endpoint_gid)[:16] for e in self._node.get_publishers_info_by_topic(topic)}
+    def _publishers(self) -> list[Any]:
+        """Return the endpoints of all status publishers in the graph, this node's included."""
+        return list(self._node.get_publishers_info_by_topic(self._publisher.topic_name))
 
-    def gid(self, status: Status) -> bytes:
-        """Return the identity of the publisher that ``status`` came from."""
-        return self._gids[status.identity]
+    def source(self, status: Status) -> bytes:
+        """
+        Return the source (`middleware.source_of`) of the node that published ``status``.
+
+        Empty as long as it cannot be told: where messages do not tell their publisher's GID,
+        it is found by the node's name, and two nodes may have the same.
+        """
+        found = self._sources.get(status.identity, b'') or self._find_source(status)
+        if found:
+            self._sources[status.identity] = found
+        return found
+
+    def _find_source(self, status: Status) -> bytes:
+        length = gid_prefix()
+        if not length:
+            return status.node.encode()
+        if self.sender_info is SenderInfo.GID:
+            return self._senders[status.identity][:length]
+        shown = (e for e in self._publishers() if node_of(e) == status.node)
+        free = Counter(source_of(endpoint) for endpoint in shown)
+        heard = (s for s in (self.mine, *self.others.values()) if s.node == status.node)
+        free.subtract(self._sources.get(s.identity, b'') for s in heard)
+        found = [source for source, count in free.items() if count > 0]
+        return found[0] if len(found) == 1 else b''
 
     def writers(self) -> set[bytes]:
-        """Return the DDS participants (gid prefixes) of all who published a status."""
-        return {gid[:12] for gid in (*self._publishers(), *self._gids.values())}
+        """Return the sources of all nodes that publish, or have published, a status."""
+        return {source_of(endpoint) for endpoint in self._publishers()} | {
+            self.source(status) for status in self.others.values()
+        }
 
     def of(self, role: str) -> list[Status]:
         """Return the statuses of the other nodes that hold ``role`` and take part."""
