@@ -23,13 +23,25 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
+from ament_index_python.packages import get_package_share_path
 from flexarm_ros.nodes.identity import gid_of, node_of
 import rclpy
 
-PROFILES_FILE = 'FASTDDS_DEFAULT_PROFILES_FILE'
-_PROFILES = Path(__file__).with_name('assets') / 'fastdds.xml'
-_USERS = (PROFILES_FILE, 'FASTRTPS_DEFAULT_PROFILES_FILE')
+PROFILES = {
+    3: ('FASTDDS_DEFAULT_PROFILES_FILE', 'fastdds.xml'),
+    2: ('FASTRTPS_DEFAULT_PROFILES_FILE', 'fastdds2.xml'),
+}
+"""Major version of Fast DDS -> variable that names a file of profiles, and our file.
+
+Neither version takes the other's file, and 3 reads the variable of 2 as well.
+"""
+
+_FASTDDS_3_SINCE = 9
+"""Major version of rmw_fastrtps_cpp (Kilted) from which on Fast DDS is version 3."""
+
+_ASSETS = Path(__file__).with_name('assets')
 _USERS_LOCAL = 'DEFAULT_FASTDDS_PROFILES.xml'
 
 _RTPS = ('rmw_fastrtps_', 'rmw_cyclonedds_', 'rmw_connextdds', 'rmw_gurumdds_')
@@ -46,8 +58,20 @@ def prepare() -> None:
     the writer's next heartbeat, every 3 s.  At the end of a run that is too late.
     """
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    if not any(name in os.environ for name in _USERS) and not Path(_USERS_LOCAL).exists():
-        os.environ[PROFILES_FILE] = str(_PROFILES)
+    users = any(variable in os.environ for variable, _ in PROFILES.values())
+    if not users and not Path(_USERS_LOCAL).exists():
+        variable, file = PROFILES[fastdds_version()]
+        os.environ[variable] = str(_ASSETS / file)
+
+
+def fastdds_version() -> int:
+    """Return 2 or 3: the major version of Fast DDS that is installed; 3 where there is none."""
+    try:
+        manifest = get_package_share_path('rmw_fastrtps_cpp') / 'package.xml'
+        version = ElementTree.parse(manifest).findtext('version', '')
+        return 3 if int(version.partition('.')[0]) >= _FASTDDS_3_SINCE else 2
+    except (LookupError, OSError, ValueError, ElementTree.ParseError):
+        return 3
 
 
 def name() -> str:
