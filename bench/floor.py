@@ -45,7 +45,7 @@ from flexarm_ros.nodes.graph import (
     TICK_EVERY,
     TICK_TOPIC,
 )
-from flexarm_ros.nodes.trajectory import AHEAD
+from flexarm_ros.nodes.trajectory import ahead_until
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -180,7 +180,7 @@ def _refer(node: Skeleton, waiter: Waiter) -> None:
     (publish,) = node.publish.values()
     done, reached = 0, 0
     while True:
-        until = min(reached + AHEAD, node.ticks)
+        until = ahead_until(reached, done, node.ticks)
         for _ in range(done, until):
             publish()
         done = until
@@ -199,7 +199,7 @@ def by_executor(node: Skeleton, role: str, executor: SingleThreadedExecutor) -> 
 
     def moved() -> None:
         if role == 'trajectory':
-            until = min(node.plant_tick + AHEAD, node.ticks)
+            until = ahead_until(node.plant_tick, state['done'], node.ticks)
             for _ in range(state['done'], until):
                 node.publish['reference']()
             state['tick'] = state['done'] = until

@@ -20,6 +20,7 @@ from collections.abc import Iterator
 import contextlib
 import os
 from pathlib import Path
+import runpy
 import signal
 import threading
 import time
@@ -28,6 +29,13 @@ import uuid
 
 import hypothesis
 import pytest
+
+STANDIN = Path(__file__).with_name('message_info') / 'sitecustomize.py'
+"""What messages tell of their publisher on other middlewares; does nothing unless it is asked to.
+
+``FLEXARM_TEST_MESSAGE_INFO=none pytest -m nodes``, for one.
+"""
+runpy.run_path(str(STANDIN))
 
 MARK = 'FLEXARM_TEST_SESSION'
 SESSION = uuid.uuid4().hex
@@ -46,6 +54,8 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('ros_log')))
         patch.setenv('MPLBACKEND', 'Agg')
+        if os.environ.get('FLEXARM_TEST_MESSAGE_INFO'):
+            patch.setenv('PYTHONPATH', str(STANDIN.parent), prepend=os.pathsep)
         patch.delenv('ROS_DOMAIN_ID', raising=False)
         yield
 

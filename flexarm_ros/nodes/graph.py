@@ -61,7 +61,7 @@ RECORDED_TOPIC = 'lockstep/recorded'
 TICK_TOPIC = 'lockstep/tick'
 """std_msgs/UInt64 from the plant, every `TICK_EVERY` ticks: the tick that it has reached."""
 
-TICK_EVERY = 32
+TICK_EVERY = 4
 
 
 def message_class(type_name: str) -> Any:

@@ -21,16 +21,35 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.trajectory import Reference
-from flexarm_ros.nodes.graph import TICK_TOPIC
+from flexarm_ros.nodes.graph import TICK_EVERY, TICK_TOPIC
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressInput
 
-AHEAD = 128
-"""Ticks that the reference is published before its time.
+AHEAD = 64
+"""Most ticks that the reference is published before its time.
 
 It depends on time alone, so it need not be on the critical path of a tick:
 this node wakes once in `graph.TICK_EVERY` ticks instead of at each.
 """
+
+BURST = TICK_EVERY + 2
+"""Most references published at one wake-up while the plant waits for none of them.
+
+No more than the default queue of a ROS 2 subscription, and of `ros2 bag record`, holds: 10
+messages.
+"""
+
+
+def ahead_until(reached: int, published: int, ticks: int) -> int:
+    """
+    Return the tick up to which references are to be published, of a run of ``ticks``.
+
+    ``reached`` is the plant's tick, ``published`` the first that is not out.  The lead grows
+    by what a burst holds beyond `TICK_EVERY`; what the plant needs before its next report is
+    always published.
+    """
+    until = max(reached + BURST, min(reached + AHEAD, published + BURST))
+    return min(until, ticks)
 
 
 class TrajectoryNode(Participant):
@@ -66,7 +85,7 @@ class TrajectoryNode(Participant):
     def advance(self) -> bool:
         """Publish references up to `AHEAD` ticks beyond the plant's."""
         news = self._reached.update()
-        until = min(self._reached.ticks + AHEAD, self.timeline.ticks)
+        until = ahead_until(self._reached.ticks, self.tick, self.timeline.ticks)
         if self.tick >= until:
             return news
         for tick in range(self.tick, until):
