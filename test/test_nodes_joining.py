@@ -53,19 +53,18 @@ class Joining:
         rclpy.init(args=words, context=self.context)
         self.second = ControllerNode(words, Supervisor(), context=self.context)
         others = len(ROLES)  # the five others and the first controller
-        wait_for(lambda: len(self.second.board.silent() | self.heard()) > others, 60, 'all seen')
+        topic = self.second.resolve_topic_name(status.TOPIC)
+        wait_for(lambda: self.second.count_publishers(topic) > others, 60, 'all seen')
         self.hear(len(ROLES) - 1)
-
-    def heard(self) -> set[bytes]:
-        """Return who has said who he is, this controller included."""
-        return set(self.second.board._spoke)
 
     def hear(self, count: int) -> None:
         """Take statuses until those of ``count`` others are here."""
 
+        board = self.second.board
+
         def taken() -> bool:
-            self.second.board.update()
-            return len(self.second.board.others) == count
+            board.update()
+            return len(board.others) == count and board.sender_info is not None
 
         wait_for(taken, 60, f'{count} others heard')
 
