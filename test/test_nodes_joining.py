@@ -59,7 +59,6 @@ class Joining:
 
     def hear(self, count: int) -> None:
         """Take statuses until those of ``count`` others are here."""
-
         board = self.second.board
 
         def taken() -> bool:

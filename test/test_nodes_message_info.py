@@ -1,0 +1,121 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Runs where messages tell less of their publisher: as on Jazzy, on Cyclone DDS, unnumbered.
+
+The middleware here tells all; `test/message_info` takes it away in every process.  The same
+variable puts all tests of nodes on such a middleware:
+``FLEXARM_TEST_MESSAGE_INFO='handle unnumbered' pytest -m nodes``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+import subprocess
+import sys
+import threading
+
+from conftest import STANDIN
+from nodetools import finish, flexarm, start_node, wait_for, write_scenario
+import pytest
+
+pytestmark = pytest.mark.nodes
+
+VARIABLE = 'FLEXARM_TEST_MESSAGE_INFO'
+KINDS = ('none', 'handle unnumbered', 'none unnumbered')
+"""Jazzy's rclpy; Cyclone DDS; the least that is thinkable."""
+
+PROBE = """
+import rclpy
+from flexarm_ros.nodes.status import Board
+rclpy.init()
+node = rclpy.create_node("probe")
+board = Board(node, "plant")
+board.publish()
+while board.sender_info is None:
+    board.update()
+print(board.sender_info.value)
+"""
+
+
+@pytest.fixture
+def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Let every process that the test starts see messages of this kind."""
+    monkeypatch.setenv(VARIABLE, request.param)
+    monkeypatch.setenv('PYTHONPATH', str(STANDIN.parent))
+    return str(request.param)
+
+
+@pytest.mark.parametrize('kind', KINDS, indirect=True)
+def test_a_node_measures_what_messages_tell(kind: str, ros_domain: int) -> None:
+    words = [sys.executable, '-c', PROBE]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert done.stdout == kind.split()[0] + '\n', done.stderr
+
+
+@pytest.mark.parametrize('kind', KINDS, indirect=True)
+@pytest.mark.parametrize('way', [[], ['--compose']], ids=['six processes', 'composed'])
+def test_a_run_has_the_bytes_of_a_simulation(
+    kind: str, way: list[str], tmp_path: Path, ros_domain: int
+) -> None:
+    words = ('pd_tip', '--set', 'duration=0.3', '--no-pictures', '--out')
+    done = flexarm('run', *words[:3], *way, *words[3:], tmp_path / 'run')
+    assert done.returncode == 0, done.stderr
+    assert flexarm('simulate', *words, tmp_path / 'sim').returncode == 0
+    bags = [(tmp_path / name / 'bag' / 'bag_0.mcap').read_bytes() for name in ('run', 'sim')]
+    assert bags[0] == bags[1]
+
+
+@pytest.mark.parametrize('kind', KINDS, indirect=True)
+def test_one_of_two_plants_of_one_name_is_refused(
+    kind: str, tmp_path: Path, ros_domain: int
+) -> None:
+    file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3')
+    plants = [start_node('plant', file) for _ in range(2)]
+    try:
+        wait_for(lambda: any(node.poll() is not None for node in plants), 60, 'one has left')
+        (gone,) = [node for node in plants if node.poll() is not None]
+        (text,) = finish([gone])
+        assert gone.returncode == 1
+        assert 'refused: another plant (/plant) takes part in this run' in text
+    finally:
+        for node in plants:
+            node.kill()
+            node.communicate()
+
+
+@pytest.mark.parametrize('kind', KINDS, indirect=True)
+def test_a_publisher_outside_the_run_is_noticed(
+    kind: str, tmp_path: Path, ros_domain: int, rclpy_node
+) -> None:
+    from sensor_msgs.msg import JointState
+
+    node, executor = rclpy_node
+    states: list = []
+    node.create_subscription(JointState, '/plant/state', states.append, 10)
+    done: list = []
+    words = ('run', 'pd_tip', '--rtf', '0.02', '--set', 'duration=2', '--no-pictures', '--out',
+             tmp_path / 'run')  # fmt: skip
+    run = threading.Thread(target=lambda: done.append(flexarm(*words)))
+    run.start()
+    try:
+        wait_for(lambda: executor.spin_once(0.01) or states, 60, 'the run has begun')
+        stranger = node.create_publisher(JointState, '/joint_command', 10)
+        wait_for(lambda: stranger.get_subscription_count() >= 2, 20, 'plant and recorder hear it')
+        stranger.publish(JointState(effort=[1e6, 1e6]))
+    finally:
+        run.join(120)
+    assert done[0].returncode == 1
+    assert 'invalid message on joint_command' in done[0].stderr
