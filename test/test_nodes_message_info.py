@@ -97,8 +97,9 @@ def test_one_of_two_plants_of_one_name_is_refused(
 
 
 @pytest.mark.parametrize('kind', KINDS, indirect=True)
+@pytest.mark.parametrize('way', [[], ['--compose']], ids=['six processes', 'composed'])
 def test_a_publisher_outside_the_run_is_noticed(
-    kind: str, tmp_path: Path, ros_domain: int, rclpy_node
+    kind: str, way: list[str], tmp_path: Path, ros_domain: int, rclpy_node
 ) -> None:
     from sensor_msgs.msg import JointState
 
@@ -106,8 +107,8 @@ def test_a_publisher_outside_the_run_is_noticed(
     states: list = []
     node.create_subscription(JointState, '/plant/state', states.append, 10)
     done: list = []
-    words = ('run', 'pd_tip', '--rtf', '0.02', '--set', 'duration=2', '--no-pictures', '--out',
-             tmp_path / 'run')  # fmt: skip
+    words = ('run', 'pd_tip', *way, '--rtf', '0.02', '--set', 'duration=2', '--no-pictures',
+             '--out', tmp_path / 'run')  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*words)))
     run.start()
     try:

@@ -119,7 +119,12 @@ class Input:
         self.near = False
         """Whether the publisher is in this process and hands its messages over; see `connect`."""
         self.accepted = b''
-        """Sender (`identity.sender_of`) of the one publisher that this run has for the topic."""
+        """
+        Sender (`identity.sender_of`) of the one publisher that this run has for the topic.
+
+        A handle, which the graph does not show, is that of the first valid message.
+        """
+        self._sender = b''
         self._unnamed = True
         """Whether messages do not tell whether their publisher is the run's."""
         self.source = topic.node
@@ -199,10 +204,8 @@ class Input:
         """Whether a message comes from the publisher that this run has for the topic."""
         if self._unnamed:
             return True
-        sender: bytes = info['publisher_gid']['data'][:16]
-        if not self.accepted:  # a handle; the graph showed one publisher only
-            self.accepted = sender
-        return sender == self.accepted
+        self._sender: bytes = info['publisher_gid']['data'][:16]
+        return self._sender == self.accepted or not self.accepted
 
     def _in_sequence(self, info: dict[str, Any], tick: int) -> bool:
         """
@@ -268,6 +271,7 @@ class Input:
             return f'value that is not finite at tick {tick}'
         self._last_stamp = stamp
         self.tick, self.data, self.values = tick, data, values
+        self.accepted = self.accepted or self._sender
         return ''
 
     def fetch_block(self, until: int, into: list[bytes]) -> None:
@@ -295,7 +299,8 @@ class Input:
             for _ in range(min(most, len(self.arrived))):
                 taken.append(self.arrived.popleft()[0])
             return
-        for tick in range(self.tick + 1, self.tick + 1 + most):
+        known = self._unnamed or self.accepted
+        for tick in range(self.tick + 1, self.tick + 1 + (most if known else 1)):
             data = self._next(tick)
             if data is None:
                 return
@@ -318,6 +323,7 @@ class Input:
         if self._exact and ahead.any():
             return False
         self.tick, self.data, self._last_stamp = last, messages[-1], int(stamps[-1])
+        self.accepted = self.accepted or self._sender
         return True
 
     def _judge_each(self, messages: Sequence[bytes], into: list[bytes]) -> None:
@@ -334,8 +340,8 @@ class Input:
             taken = self._take(self._type, True) if self.near else None
             if taken is None:
                 return
-            unnamed = self._unnamed and not self._only_publisher()
-            if unnamed or not self._ours(taken[1]):
+            known = self.accepted and not self._unnamed
+            if not (self._ours(taken[1]) if known else self._only_publisher()):
                 self._complain(self._unwanted)
 
     def bind(self, endpoint: Any, told: SenderInfo, foreign: bool) -> None:

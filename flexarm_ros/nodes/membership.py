@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from itertools import chain
+import math
 import time
 from typing import Any, NoReturn, TYPE_CHECKING
 
@@ -38,7 +39,7 @@ _FOREIGN_AFTER_S = 2.0
 _ECHO_S = 5.0
 """Longest wait for this node's own status to come back through the middleware."""
 _STRANGERS_S = 0.1
-"""Time for which a look at the graph for publishers outside the run holds."""
+"""Seconds for which a look at the graph for publishers outside the run holds."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
 _BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 
@@ -59,8 +60,7 @@ class Membership:
         self._unmatched_since: float | None = None
         self.foreign: set[str] = set()
         self._members: dict[str, str] = {}
-        self._trusted: dict[str, set[bytes]] = {}
-        self._shared: dict[str, tuple[float, bool]] = {}
+        self._judged: dict[tuple[str, bytes], tuple[float, bool | None]] = {}
 
     def required(self) -> list[str]:
         """Return the roles that the run needs, this node's own left out."""
@@ -99,23 +99,13 @@ class Membership:
         sender, length = sender_of(info), gid_prefix()
         if self._board.sender_info is SenderInfo.GID and length:
             return sender[:length] == self._board.source(status)
-        trusted = self._trusted.setdefault(topic, set())
-        if sender in trusted:
-            return True
-        if self._shared_with_strangers(topic):
-            return None
-        if sender:
-            trusted.add(sender)
-        return True
-
-    def _shared_with_strangers(self, topic: str) -> bool:
-        """Whether nodes outside the run publish ``topic``, as the graph showed a moment ago."""
         now = time.monotonic()
-        until, shared = self._shared.get(topic, (now, False))
+        until, ours = self._judged.get((topic, sender), (now, None))
         if now >= until:
-            shared = bool(self._strangers(topic))
-            self._shared[topic] = now + _STRANGERS_S, shared
-        return shared
+            ours = None if self._strangers(topic) else True
+            until = math.inf if sender and ours else now + _STRANGERS_S
+            self._judged[topic, sender] = until, ours
+        return ours
 
     def settle(self) -> None:
         """Keep to the peers that are there now: a newcomer changes nothing any more."""

@@ -51,7 +51,7 @@ class ProgressInput:
     """
     The largest number of ticks that the holder of ``role`` has told on ``topic``.
 
-    ``most`` returns the largest number that is possible now: a limit on what another
+    ``most`` returns the largest number that is possible now.  It limits what another
     publisher can do where messages do not tell theirs.
     """
 
@@ -73,7 +73,7 @@ class ProgressInput:
         if taken is None:
             return False
         ours = self._participant.membership.sent_by(self._role, self._topic, taken[1])
-        if ours or (ours is None and taken[0].data <= self._most()):
+        if ours is not False and taken[0].data <= self._most():
             self.ticks = max(self.ticks, taken[0].data)
         return True
 
