@@ -120,3 +120,14 @@ def test_a_publisher_outside_the_run_is_noticed(
         run.join(120)
     assert done[0].returncode == 1
     assert 'invalid message on joint_command' in done[0].stderr
+
+
+@pytest.mark.parametrize('kind', ['deaf'], indirect=True)
+def test_a_middleware_that_cannot_do_is_refused_by_name(
+    kind: str, tmp_path: Path, ros_domain: int
+) -> None:
+    file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3')
+    plant = start_node('plant', file)
+    (text,) = finish([plant], 30.0)  # the limit on joining is 60 s
+    assert plant.returncode == 1
+    assert "start: rmw_fastrtps_cpp does not return a node's own messages" in text

@@ -28,7 +28,7 @@ from flexarm_ros.nodes.graph import OUTPUT, READERS, readers, ROLES
 from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
-from flexarm_ros.nodes.status import Board, Phase, Status
+from flexarm_ros.nodes.status import Board, Phase, Status, TOPIC
 from rclpy.qos import qos_check_compatible, QoSCompatibility
 
 if TYPE_CHECKING:
@@ -36,8 +36,13 @@ if TYPE_CHECKING:
 
 _FOREIGN_AFTER_S = 2.0
 """Seconds after which a publisher without a status counts as an external node."""
-_ECHO_S = 5.0
-"""Longest wait for this node's own status to come back through the middleware."""
+_ECHO_S, _ECHO_LOOKS = 1.0, 50
+"""Longest wait for this node's own status to come back: seconds, and looks at the least.
+
+A process that is not given the processor looks less often.
+"""
+_NAMES_S = 5.0
+"""Seconds after which nodes of one name that cannot be told apart end the run."""
 _STRANGERS_S = 0.1
 """Seconds for which a look at the graph for publishers outside the run holds."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
@@ -60,6 +65,7 @@ class Membership:
         self._unmatched_since: float | None = None
         self.foreign: set[str] = set()
         self._members: dict[str, str] = {}
+        self._looks = 0
         self._judged: dict[tuple[str, bytes], tuple[float, bool | None]] = {}
 
     def required(self) -> list[str]:
@@ -139,8 +145,13 @@ class Membership:
 
     def _check_echo(self, now: float) -> None:
         """Refuse a middleware that does not return this node's own status."""
-        if self._since is not None and now - self._since > _ECHO_S:
-            self._refuse(f"{name()} has not returned this node's own status in {_ECHO_S:g} s")
+        self._looks += 1
+        if self._since is None or now - self._since <= _ECHO_S or self._looks <= _ECHO_LOOKS:
+            return
+        raise RunFailed(
+            '', f"start: {name()} does not return a node's own messages on {TOPIC}, by which "
+            'publishers are told apart'
+        )  # fmt: skip
 
     def _patience_for(self, missing: list[str], now: float) -> None:
         limit = self._me.config.run.start_timeout
@@ -252,7 +263,7 @@ class Membership:
             return True
         self._unmatched_since = now if self._unmatched_since is None else self._unmatched_since
         waited, limit = now - self._unmatched_since, self._me.config.run.start_timeout
-        if waited > min(_ECHO_S, limit):
+        if waited > min(_NAMES_S, limit):
             self._check_names()
         if waited > limit:
             raise RunFailed('', f'start: {late} is not connected within {limit:g} s')

@@ -20,6 +20,7 @@ FLEXARM_TEST_MESSAGE_INFO lists what is to be changed:
 
 - ``none``: no ``publisher_gid``, as with rclpy of Jazzy;
 - ``handle``: bytes of this process only in its place, as with Cyclone DDS;
+- ``deaf``: no message comes at all, a node's own included;
 - ``unnumbered``: no ``publication_sequence_number``, as with several middlewares.
 """
 
@@ -51,7 +52,7 @@ def patch(subscription: Any, wanted: Sequence[str]) -> None:
     take: Callable[..., Any] = subscription.take_message
 
     def take_message(self: Any, *words: Any) -> Any:
-        taken = take(self, *words)
+        taken = None if 'deaf' in wanted else take(self, *words)
         if taken is not None:
             info = taken[1]
             if 'none' in wanted:
