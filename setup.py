@@ -63,7 +63,7 @@ REQUIREMENTS = [
     'numba>=0.57',
     'numpy>=1.22',
     'rich',
-    'rosbags>=0.10',
+    'rosbags>=0.11',  # reads single .db3 files
     'scikit-fuzzy>=0.5',
     'scipy>=1.8',
     'zstandard',

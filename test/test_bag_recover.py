@@ -140,7 +140,7 @@ def test_front_lost(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None
     with AnyReader([bag]) as reader:
         assert reader.message_count == 6 * TICKS
     with pytest.raises(BagError, match='no scenario'):
-        BagReader(bag)
+        _ = BagReader(bag).config
 
 
 def test_scenario_restored_from_its_copy(sound: bytes, tmp_path: Path) -> None:

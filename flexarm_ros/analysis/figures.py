@@ -42,7 +42,7 @@ from flexarm_ros.analysis.figures_style import (
     styled,
     wrap,
 )
-from flexarm_ros.analysis.report_runs import load_run, Run
+from flexarm_ros.analysis.report_runs import load_runs, Run
 from flexarm_ros.core.compiled import FloatArray
 import numpy as np
 
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_figures(run_dirs: Sequence[Path], out: Path) -> list[Path]:
+def write_figures(run_dirs: Sequence[Path | Run], out: Path) -> list[Path]:
     """
     Draw one run, or several over one another, into ``out`` and return the files.
 
@@ -62,7 +62,7 @@ def write_figures(run_dirs: Sequence[Path], out: Path) -> list[Path]:
     """
     import matplotlib
 
-    runs = [load_run(path) for path in run_dirs]
+    runs = load_runs(run_dirs)
     out.mkdir(parents=True, exist_ok=True)
     groups = panels(runs)
     with matplotlib.rc_context(SETTINGS):

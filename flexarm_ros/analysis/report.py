@@ -38,21 +38,21 @@ from typing import Any
 from flexarm_ros.analysis import report_tables as tables
 from flexarm_ros.analysis.report_claims import evaluate
 from flexarm_ros.analysis.report_data import page_data
-from flexarm_ros.analysis.report_runs import load_run, Run
+from flexarm_ros.analysis.report_runs import load_runs, Run
 import numpy as np
 
 SCRIPTS = ('report_base.js', 'report_chart.js', 'report_arm.js', 'report_fls.js', 'report_main.js')
 PAGE = 'report.html'
 
 
-def write_report(run_dirs: Sequence[Path], out: Path) -> Path:
+def write_report(runs: Sequence[Path | Run], out: Path) -> Path:
     """
     Write the page of the given runs into ``out`` and return its path.
 
     The file appears whole or not at all.  Raises ``RunError`` where a directory is not a run,
     ``OSError`` where the page cannot be written.
     """
-    page = render([load_run(path) for path in run_dirs])
+    page = render(load_runs(runs))
     out.mkdir(parents=True, exist_ok=True)
     path = out / PAGE
     partial = out / f'{PAGE}.tmp'

@@ -17,35 +17,52 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.bag.outputs import block_rows, summary_of
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.outputs import summary_of
+from flexarm_ros.bag.reader import open_run
+from flexarm_ros.bag.trajectory import trajectory
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.rows import COLUMNS, Rows
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.rows import COLUMNS
 import numpy as np
 
+BLOCK = 512
 
-def read_bag(path: Path) -> tuple[Mapping[str, FloatArray], dict[str, Any]]:
-    """
-    Return the columns of ``trajectory.csv`` and the summary that a bag's messages give.
 
-    The complete ticks from the front count.  What a bag does not tell, the wall time and why
-    a run ended, is ``None``.  Raises ``BagError`` where ``path`` leads to no bag of a run.
+def read_bag(
+    path: Path, given: RunConfig | None = None, namespace: str | None = None
+) -> tuple[Mapping[str, FloatArray], dict[str, Any], Path]:
     """
-    reader = BagReader(path)
-    rows, metrics = Rows(reader.config), Metrics(reader.config)
-    parts = [np.empty((0, len(COLUMNS)))]
-    for block in reader.blocks():
-        made = list(block_rows(rows, block))
-        for row in made:
-            metrics.add(row)
-        parts.append(np.array(made))
+    Return the columns of ``trajectory.csv``, the summary, and the bag that they are from.
+
+    The metrics are those of the complete ticks from the start, for which a scenario is
+    needed: the bag's, or ``given``.  What a bag does not tell, the wall time and why a run
+    ended, is ``None``.  Raises ``BagError`` where ``path`` leads to no bag of a run.
+    """
+    reader = open_run(path, given, namespace)
+    metrics = Metrics(reader.config) if reader.has_scenario else None
+    parts: list[FloatArray] = []
+    found = trajectory(reader)
+    while block := list(islice(found, BLOCK)):
+        parts.append(np.array([row for _, row, _ in block]))
+        for _, row, whole in block:
+            if metrics is not None and whole:
+                metrics.add(row)
+    if not parts:
+        raise reader.nothing()
     table = np.concatenate(parts)
-    problem = f'damaged: {reader.damage}' if reader.damage is not None else ''
-    ended = len(table) == reader.timeline.ticks
-    problem = problem or ('' if ended else "the bag does not reach the run's end")
-    summary = summary_of(reader.config, metrics.result(), reader.provenance, problem=problem)
-    return {name: table[:, i].copy() for i, name in enumerate(COLUMNS)}, summary
+    columns = {name: table[:, i].copy() for i, name in enumerate(COLUMNS)}
+    problems = [f'damaged: {reader.damage}'] if reader.damage is not None else []
+    problems += [*reader.gaps, *reader.notes]
+    if metrics is None:
+        return columns, {'problem': '; '.join(['no scenario', *problems])}, reader.path
+    if not problems and metrics.ticks != reader.timeline.ticks:
+        problems.append("the bag does not reach the run's end")
+    summary = summary_of(
+        reader.config, metrics.result(), reader.provenance, problem='; '.join(problems)
+    )
+    return columns, summary, reader.path

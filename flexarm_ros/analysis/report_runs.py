@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.rows import COLUMNS
 import numpy as np
 
@@ -134,19 +135,20 @@ def number(value: Any) -> float | None:
     return result if np.isfinite(result) else None
 
 
-def load_run(path: Path) -> Run:
+def load_run(path: Path, given: RunConfig | None = None, namespace: str | None = None) -> Run:
     """
     Return the run in ``path``: its output directory, or the bag or a file in it.
 
-    Where a directory lacks ``trajectory.csv`` or ``summary.json``, its bag is read.  Raises
-    ``RunError`` where ``path`` is not a run, or a file of it cannot be read.
+    Where a directory lacks ``trajectory.csv`` or ``summary.json``, its bag is read; ``given``
+    and ``namespace`` are for one of another recorder (see ``BagReader``).  Raises ``RunError``
+    where ``path`` is not a run, or a file of it cannot be read.
     """
     directory = _directory(Path(path))
     if directory is not None:
         summary = _read_summary(directory / 'summary.json')
         columns = _read_rows(directory / 'trajectory.csv')
     else:
-        columns, summary, directory = _from_bag(Path(path))
+        columns, summary, directory = _from_bag(Path(path), given, namespace)
     columns = {name: without_extremes(values) for name, values in columns.items()}
     return Run(directory, columns, summary, _sections(summary.get('scenario')))
 
@@ -165,18 +167,25 @@ def _directory(path: Path) -> Path | None:
     return None
 
 
-def _from_bag(path: Path) -> tuple[Mapping[str, FloatArray], Mapping[str, Any], Path]:
+def load_runs(runs: Sequence[Path | Run]) -> list[Run]:
+    """Return the runs, each loaded unless it is already."""
+    return [run if isinstance(run, Run) else load_run(run) for run in runs]
+
+
+def _from_bag(
+    path: Path, given: RunConfig | None, namespace: str | None
+) -> tuple[Mapping[str, FloatArray], Mapping[str, Any], Path]:
     """Return columns and summary of a bag, and the directory that it is the bag of."""
     from flexarm_ros.analysis.report_bag import read_bag
     from flexarm_ros.bag.errors import BagError
-    from flexarm_ros.bag.reader import find_bag
 
     try:
-        columns, summary = read_bag(path)
-        parent = find_bag(path).resolve().parent
+        columns, summary, bag = read_bag(path, given, namespace)
     except BagError as error:
         files = 'no trajectory.csv with summary.json'
         raise RunError(f'{path} is not a run: {files}, and no bag: {error}') from None
+    bag = bag.resolve()
+    parent = bag if bag.is_dir() else bag.parent
     return columns, summary, parent.parent if parent.name == 'bag' else parent
 
 

@@ -24,7 +24,8 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.cdr import FloatArray, IntArray
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.errors import BagContentError
+from flexarm_ros.bag.reader import BagReader, open_run
 from flexarm_ros.bag.tables import batches
 from flexarm_ros.core.parameters import RunConfig
 import numpy as np
@@ -75,9 +76,14 @@ class Comparison:
     notes: list[str] = field(default_factory=list)
 
     @property
+    def compared(self) -> int:
+        """Number of values that were compared."""
+        return sum(field.count for field in self.fields)
+
+    @property
     def within(self) -> bool:
         """Whether all fields are within tolerance and no message is without counterpart."""
-        return not (
+        return self.compared > 0 and not (
             any(f.beyond for f in self.fields)
             or any(self.only_a.values())
             or any(self.only_b.values())
@@ -87,14 +93,18 @@ class Comparison:
 class _Side:
     """One run, read in step with the other: what has been read and not yet compared."""
 
-    def __init__(self, run: str | os.PathLike[str]) -> None:
-        self.reader = BagReader(run)
-        self.names = {topic.path: (STAMP, *topic.codec.fields) for topic in self.reader.topics}
+    def __init__(self, reader: BagReader) -> None:
+        self.reader = reader
+        self.names = {
+            topic.path: (STAMP, *topic.codec.fields)
+            for index, topic in enumerate(reader.topics)
+            if index in reader.names
+        }
         self._period = self.reader.timeline.period_ns
         self._source = batches(self.reader)
         self.rows: dict[str, tuple[IntArray, FloatArray]] = {}
         self.until = 0
-        self.ended = False
+        self.ended, self.empty = False, True
 
     def read(self) -> None:
         """Read the next batch behind what is held."""
@@ -104,6 +114,8 @@ class _Side:
             return
         for batch in group:
             path = self.reader.topics[batch.topic].path
+            if path not in self.names:
+                continue
             times = batch.ticks * self._period
             table = np.column_stack([batch.stamps.astype(float), batch.values])
             if path in self.rows:
@@ -111,11 +123,12 @@ class _Side:
                 times, table = np.concatenate([old_times, times]), np.concatenate([old, table])
             self.rows[path] = (times, table)
             if len(times):
+                self.empty = False
                 self.until = max(self.until, int(times[-1]) + 1)
 
     def take(self, path: str, until: int) -> tuple[IntArray, FloatArray]:
         """Take the rows of a topic before time ``until``."""
-        empty = (np.zeros(0, np.int64), np.zeros((0, len(self.names[path]))))
+        empty = (np.zeros(0, np.int64), np.zeros((0, len(self.names.get(path, ())))))
         times, table = self.rows.get(path, empty)
         cut = int(np.searchsorted(times, until))
         self.rows[path] = (times[cut:], table[cut:])
@@ -127,18 +140,24 @@ def compare(
     run_b: str | os.PathLike[str],
     absolute: float = 0.0,
     relative: float = 0.0,
+    given: RunConfig | None = None,
+    namespace: str | None = None,
 ) -> Comparison:
     """
     Compare the messages of two runs at equal times since the start.
 
     A field is beyond tolerance where |A - B| > absolute + relative |B|.
     Fields of the same name are compared, in topics that both have; stamps in
-    ns.  Raises BagError where a run cannot be read.
+    ns.  ``given`` is the scenario of runs that have none and ``namespace`` that
+    of runs in another recorder's bag.  Raises BagError where a run cannot be read
+    or has no message.
     """
-    a, b = _Side(run_a), _Side(run_b)
-    result = Comparison(parameters=list(_parameters(a.reader.config, b.reader.config)))
+    a, b = (_Side(open_run(run, given, namespace)) for run in (run_a, run_b))
+    if given is not None and a.reader.own and b.reader.own:
+        raise BagContentError(f'{a.reader.path}: both runs have a scenario; leave out --scenario')
+    result = Comparison(parameters=list(_parameters(a.reader, b.reader)))
     fields = _shared_fields(a, b, result)
-    paths = [topic.path for topic in a.reader.topics]
+    paths = list(fields)
     result.only_a, result.only_b = dict.fromkeys(paths, 0), dict.fromkeys(paths, 0)
     while not (a.ended and b.ended):
         for side in (a, b):
@@ -156,9 +175,12 @@ def compare(
                     difference, both, table_a[in_a, column_a], table_b[in_b, column_b],
                     absolute, relative,
                 )  # fmt: skip
-    for side in (a, b):
+    for letter, side in (('A', a), ('B', b)):
+        if side.empty:
+            raise side.reader.nothing()
         if side.reader.damage is not None:
             result.notes.append(str(side.reader.damage))
+        result.notes += [f'{letter}: {text}' for text in (*side.reader.notes, *side.reader.gaps)]
     return result
 
 
@@ -167,8 +189,11 @@ def _shared_fields(
 ) -> dict[str, list[tuple[FieldDifference, int, int]]]:
     """Return per topic the fields that both runs have, with their columns."""
     found: dict[str, list[tuple[FieldDifference, int, int]]] = {}
-    for path, names_a in a.names.items():
-        names_b = b.names[path]
+    for path in dict.fromkeys((*a.names, *b.names)):
+        if path not in a.names or path not in b.names:
+            found[path] = []  # its messages count as without counterpart
+            continue
+        names_a, names_b = a.names[path], b.names[path]
         shared = [name for name in names_a if name in names_b]
         lonely = [name for name in (*names_a, *names_b) if name not in shared]
         if lonely:
@@ -208,8 +233,11 @@ def _accumulate(
     difference.beyond += count
 
 
-def _parameters(a: RunConfig, b: RunConfig) -> Iterator[str]:
-    """Tell each parameter in which two scenarios differ."""
+def _parameters(reader_a: BagReader, reader_b: BagReader) -> Iterator[str]:
+    """Tell each parameter in which two scenarios differ; nothing where one has none."""
+    if not (reader_a.has_scenario and reader_b.has_scenario):
+        return
+    a, b = reader_a.config, reader_b.config
     dict_a, dict_b = scenario.to_dict(a), scenario.to_dict(b)
     for section, keys in dict_a.items():
         for key, value in keys.items():

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import islice
 import os
 from pathlib import Path
 import shutil
@@ -29,11 +30,12 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.files import make_directory, write_atomically
 from flexarm_ros.bag.frontmatter import bag_config, SCENARIO_FILE, TORQUES_FILE
-from flexarm_ros.bag.outputs import block_rows
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.tables import Batch, batches
+from flexarm_ros.bag.tables import BATCH, Batch, batches
 from flexarm_ros.bag.topics import Topic
-from flexarm_ros.core.rows import COLUMNS, Rows
+from flexarm_ros.bag.trajectory import trajectory
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.rows import COLUMNS
 
 FORMATS = ('csv', 'parquet')
 CHANGES_FILE = 'changes.csv'
@@ -43,10 +45,18 @@ NO_PYARROW = 'parquet needs pyarrow, which is not installed: pip install pyarrow
 
 @dataclass(frozen=True)
 class Exported:
-    """``rows`` of each file; ``damage``: where the bag breaks off, empty if it does not."""
+    """
+    What was exported.
+
+    ``rows`` of each file; ``damage``: where the bag breaks off, empty if it does
+    not; ``notes``: what is missing or was left out; ``has_scenario``: whether
+    ``scenario.yaml`` was written.
+    """
 
     rows: dict[str, int]
     damage: str
+    notes: tuple[str, ...] = ()
+    has_scenario: bool = True
 
 
 def table_name(topic: Topic) -> str:
@@ -60,32 +70,44 @@ def table_columns(topic: Topic) -> tuple[str, ...]:
 
 
 def export(
-    run: str | os.PathLike[str], directory: str | os.PathLike[str], file_format: str
+    run: str | os.PathLike[str],
+    directory: str | os.PathLike[str],
+    file_format: str,
+    given: RunConfig | None = None,
+    namespace: str | None = None,
 ) -> Exported:
     """
     Write the tables of RUN into a new directory.
 
     Each topic has a file with the columns tick, stamp_ns (the message's own
     stamp) and its fields; ``trajectory`` has the columns of ``trajectory.csv``
-    for the ticks that the bag has in one piece from the start.  ``scenario.yaml``
+    (:mod:`flexarm_ros.bag.trajectory` tells for which ticks).  ``scenario.yaml``
     (with ``torques.csv`` where there are such) flies it again; parameters that
-    were changed on the way are in ``changes.csv``.  A damaged bag
-    is exported as far as it goes.  Raises BagError, BagExistsError where
-    ``directory`` exists; nothing is left then of what was written.
+    were changed on the way are in ``changes.csv``.  These are left out where there
+    is no scenario (``given`` and ``namespace``: see `BagReader`).  A damaged bag
+    is exported as far as it goes.  Raises BagError, BagContentError where there
+    is no message, BagExistsError where ``directory`` exists; nothing is left then
+    of what was written.
     """
-    reader, target = BagReader(run), Path(directory)
+    reader, target = BagReader(run, given, namespace), Path(directory)
     if file_format == 'parquet':
         _pyarrow()
     make_directory(target)
     try:
-        _write_scenario(reader, target)
+        if reader.has_scenario:
+            _write_scenario(reader, target)
         rows = _write(reader, target, file_format)
+        if not any(rows.values()):
+            raise reader.nothing()
     except (BagError, OSError) as error:
         shutil.rmtree(target, ignore_errors=True)
         if isinstance(error, OSError):
             raise BagError(f'{target}: cannot be written: {error.strerror}') from None
         raise
-    return Exported(rows, str(reader.damage or ''))
+    notes = [*reader.notes, *reader.gaps]
+    if not reader.has_scenario:
+        notes.append('no scenario: no trajectory and no scenario.yaml (give it with --scenario)')
+    return Exported(rows, str(reader.damage or ''), tuple(notes), reader.has_scenario)
 
 
 def _write_scenario(reader: BagReader, target: Path) -> None:
@@ -100,19 +122,26 @@ def _write_scenario(reader: BagReader, target: Path) -> None:
 
 def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:
     with ExitStack() as stack:
-        files = {}
-        for topic in reader.topics:
-            file = _open(target, table_name(topic), table_columns(topic), 2, file_format)
-            files[topic.path] = file
+
+        def opened(name: str, columns: Sequence[str], integers: int) -> _CsvFile | _ParquetFile:
+            file = _open(target, name, columns, integers, file_format)
             stack.callback(file.close)
-        trajectory = _open(target, 'trajectory', COLUMNS, 0, file_format)
-        stack.callback(trajectory.close)
+            return file
+
+        files = {}
+        for index in sorted(reader.names):
+            topic = reader.topics[index]
+            files[index] = opened(table_name(topic), table_columns(topic), 2)
         for group in batches(reader):
             for batch in group:
-                files[reader.topics[batch.topic].path].write(_columns(batch))
-        for columns in _trajectory(reader):
-            trajectory.write(columns)
-    return {file.name: file.rows for file in (*files.values(), trajectory)}
+                if batch.topic in files:
+                    files[batch.topic].write(_columns(batch))
+        written = list(files.values())
+        if reader.has_scenario:
+            written.append(opened('trajectory', COLUMNS, 0))
+            for columns in _trajectory(reader):
+                written[-1].write(columns)
+    return {file.name: file.rows for file in written}
 
 
 def _columns(batch: Batch) -> list[list[Any]]:
@@ -120,10 +149,9 @@ def _columns(batch: Batch) -> list[list[Any]]:
 
 
 def _trajectory(reader: BagReader) -> Iterator[list[list[Any]]]:
-    rows = Rows(reader.config)
-    for block in reader.blocks():
-        found = [[float(value) for value in row] for row in block_rows(rows, block)]
-        yield [list(column) for column in zip(*found, strict=True)]
+    found = trajectory(reader)
+    while block := [[float(value) for value in row] for _, row, _ in islice(found, BATCH)]:
+        yield [list(column) for column in zip(*block, strict=True)]
 
 
 class _CsvFile:

@@ -153,6 +153,28 @@ def read_counts(path: Path) -> dict[str, int] | None:
 
     Raises BagContentError where it cannot be read or is not of that form.
     """
+    information = _information(path)
+    if information is None:
+        return None
+    try:
+        return {
+            str(topic['topic_metadata']['name'])[:300]: int(topic['message_count'])
+            for topic in information['topics_with_message_count']
+        }
+    except _MALFORMED:
+        raise _malformed(path) from None
+
+
+def read_files(path: Path) -> frozenset[str]:
+    """Return the names of the files that a ``metadata.yaml`` lists; none where it does not."""
+    try:
+        information = _information(path) or {'relative_file_paths': ()}
+        return frozenset(Path(str(name)).name for name in information['relative_file_paths'])
+    except (BagContentError, *_MALFORMED):
+        return frozenset()
+
+
+def _information(path: Path) -> Any:
     try:
         if not path.is_file():
             return None
@@ -160,14 +182,12 @@ def read_counts(path: Path) -> dict[str, int] | None:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise BagContentError(f'{path}: larger than {MAX_BYTES} bytes')
-        document = yaml.safe_load(data)
-        topics = document['rosbag2_bagfile_information']['topics_with_message_count']
-        found = {
-            str(topic['topic_metadata']['name'])[:300]: int(topic['message_count'])
-            for topic in topics
-        }
+        return yaml.safe_load(data)['rosbag2_bagfile_information']
     except OSError as error:
         raise BagContentError(f'{path}: cannot be read: {error.strerror}') from None
     except (*_MALFORMED, yaml.YAMLError):
-        raise BagContentError(f'{path}: not the metadata of a bag') from None
-    return found
+        raise _malformed(path) from None
+
+
+def _malformed(path: Path) -> BagContentError:
+    return BagContentError(f'{path}: not the metadata of a bag')

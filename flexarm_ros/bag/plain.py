@@ -22,8 +22,8 @@ from pathlib import Path
 from flexarm_ros.bag.files import make_directory, write_atomically
 from flexarm_ros.bag.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
 from flexarm_ros.bag.metadata import bag_information, BagTopic, to_yaml
-from flexarm_ros.bag.reader import Front
 from flexarm_ros.bag.scan import Message
+from flexarm_ros.bag.storage import Front
 from flexarm_ros.bag.topics import Qos
 from flexarm_ros.bag.writer import FILE_NAME
 

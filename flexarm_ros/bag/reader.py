@@ -15,16 +15,17 @@
 """
 Reading of a recorded run: its scenario, its provenance, its messages tick by tick.
 
-Files are read from front to end in flat memory.  ``metadata.yaml`` and the
-index in the file are not needed and not trusted; no path found in a bag is
-ever opened.
+Files are read from front to end in flat memory.  The index in the file is not
+needed and not trusted.  A bag of this package is whole in itself; one that
+another recorder wrote is matched to the ticks by its stamps
+(:mod:`flexarm_ros.bag.matching`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import contextlib
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 import json
 import os
 from pathlib import Path
@@ -33,145 +34,129 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.bag import changes
 from flexarm_ros.bag.blocks import Block, decode_ticks
-from flexarm_ros.bag.errors import BagContentError, BagError, BagLimitError, BagMissingError
+from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.frontmatter import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
+from flexarm_ros.bag.matching import change_of, Match, match, UNKNOWN
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.scan import (
-    attachment_sound,
-    Damage,
-    inner_records,
-    library_record,
-    Message,
-    Record,
-    Scanner,
-    unpack,
-)
+from flexarm_ros.bag.scan import Damage, Message
+from flexarm_ros.bag.storage import BagFile, Front, open_files
 from flexarm_ros.bag.topics import per_tick_topics, Topic
 from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.torque_file import parse_torques
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
 
 BLOCK_TICKS = 512
-MAX_CHANNELS = 1000
-
-
-def find_bag(run: str | os.PathLike[str]) -> Path:
-    """
-    Return the MCAP file of RUN: a run's directory, the bag in it, or the file itself.
-
-    Raises BagError where there is none, or several.
-    """
-    path = Path(run)
-    try:
-        if path.is_file():
-            return path
-        if not path.is_dir():
-            raise BagMissingError(f'{path}: no such file or directory')
-        for directory in (path, path / 'bag'):
-            files = sorted(directory.glob('*.mcap')) if directory.is_dir() else []
-            if len(files) > 1:
-                raise BagError(f'{directory}: holds {len(files)} .mcap files, one is expected')
-            if files:
-                return files[0]
-    except (OSError, ValueError) as error:
-        raise BagError(f'{str(path)!r}: cannot be read: {error}') from None
-    raise BagError(f'{path}: no bag in it (neither *.mcap nor bag/*.mcap)')
-
-
-@dataclass
-class Front:
-    """What a bag says of itself, apart from its messages."""
-
-    channels: dict[int, Channel] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    attachments: dict[str, bytes] = field(default_factory=dict)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    library: str = ''
-
-    def take(self, path: Path, record: Record) -> None:
-        """Take in a record if it is of these; Damage if it cannot be parsed."""
-        if record.opcode == Opcode.CHANNEL:
-            channel = library_record(path, record, Channel)
-            self.channels.setdefault(channel.id, channel)
-            if len(self.channels) > MAX_CHANNELS:
-                raise BagLimitError(f'{path}: more than {MAX_CHANNELS} channels')
-        elif record.opcode == Opcode.SCHEMA:
-            schema = library_record(path, record, Schema)
-            if len(self.schemas) < MAX_CHANNELS:
-                self.schemas.setdefault(schema.id, schema)
-        elif record.opcode == Opcode.ATTACHMENT:
-            self._attach(path, record)
-        elif record.opcode == Opcode.METADATA:
-            metadata = library_record(path, record, Metadata)
-            if len(self.metadata) < MAX_CHANNELS:
-                self.metadata.setdefault(metadata.name, metadata.metadata)
-
-    def _attach(self, path: Path, record: Record) -> None:
-        attachment = library_record(path, record, Attachment)
-        if attachment.name not in (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE):
-            return
-        if not attachment_sound(record):
-            raise Damage(path, record.offset, f'checksum of {attachment.name}')
-        self.attachments.setdefault(attachment.name, attachment.data)
-
-    @property
-    def whole(self) -> bool:
-        """Whether the scenario with its torque rows is here."""
-        return SCENARIO_FILE in self.attachments
+WINDOW_TICKS = 1 << 15
+"""Ticks that a message of another recorder's bag may come late or early by."""
 
 
 class BagReader:
     """
     A recorded run.
 
-    Raises BagError (BagFormatError, BagContentError, BagLimitError), one line,
-    where RUN is no bag of this package or its scenario cannot be read.
+    ``given`` is the scenario of a bag that has none, ``namespace`` that of the
+    run in a bag of another recorder which has several.  Raises BagError
+    (BagFormatError, BagContentError, BagLimitError), one line, where RUN is no bag
+    of a run or its scenario cannot be read.
 
-    ``config`` is the scenario as recorded, with the parameters that changed
-    while it ran (``config.changes``), ``provenance`` where it comes from,
-    ``topics`` the per-tick topics in canonical order.  ``damage`` is None, or
-    says after an iteration where the file breaks off or is damaged; what comes
-    before that is given out.
+    ``own``: whether this package wrote it.  ``provenance``: where it comes from.
+    ``topics``: the per-tick topics in canonical order; ``names``: what those
+    that the bag has are called in it.  ``notes`` and ``gaps``: what is left out
+    and what is missing, as far as known before the messages are read.
+    ``damage`` is None, or says after an iteration where the file breaks off or
+    is damaged; what comes before that is given out.
     """
 
-    def __init__(self, run: str | os.PathLike[str]) -> None:
-        self.path = find_bag(run)
+    def __init__(
+        self, run: str | os.PathLike[str], given: RunConfig | None = None,
+        namespace: str | None = None,
+    ) -> None:  # fmt: skip
+        self._files = open_files(run)
+        self.file_count = len(self._files)
+        self.directory = self._files[0].path.parent
+        self.path = self._files[0].path if self.file_count == 1 else self.directory
         self.damage: Damage | None = None
-        front = _read_front(self.path)
-        self.config = front_config(self.path, front)
+        fronts = [file.front() for file in self._files]
+        front = next((front for front in fronts if front.whole), fronts[0])
+        self.own = front.whole
         self.provenance = front_provenance(front)
-        self.topics: tuple[Topic, ...] = tuple(per_tick_topics(self.config))
+        self.notes: list[str] = []
+        self.gaps: list[str] = []
+        self._match: Match | None = None
+        self._config = front_config(self.path, front) if self.own else given
+        if self.own:
+            self._take_own(fronts, given)
+        else:
+            self._take_match(match(self.path, self._files, fronts, given, namespace))
+
+    def _take_own(self, fronts: Sequence[Front], given: RunConfig | None) -> None:
+        if given is not None:
+            raise BagContentError(f'{self.path}: has a scenario of its own; leave out --scenario')
+        self.topics: tuple[Topic, ...] = per_tick_topics(self.config)
         self.timeline = Timeline.of(self.config.run)
-        self._index = topic_index(self.path, front, self.topics)
-        found = read_changes(self.path, self.timeline.period_ns)
+        self._index = [topic_index(front, self.topics) for front in fronts]
+        self.names = {i: topic.path for i, topic in enumerate(self.topics)}
+        check_complete(self.path, self.topics, self._index)
+        self._take_changes(read_changes(self._files, fronts, self.timeline.period_ns))
+
+    def _take_match(self, found: Match) -> None:
+        self.topics, self.timeline = found.topics, found.timeline
+        self._index, self.names, self._match = found.index, found.names, found
+        self.notes, self.gaps = found.notes, found.gaps
+        self._take_changes(found.changes)
+
+    def _take_changes(self, found: tuple[Change, ...]) -> None:
         if found:
-            self.config = replace(self.config, changes=found)
+            self._config = replace(self.config, changes=found)
+
+    @property
+    def surveyed(self) -> list[int] | None:
+        """Number of messages of each topic, if all were looked at before."""
+        return None if self._match is None else [len(ticks) for ticks in self._match.ticks]
+
+    @property
+    def has_scenario(self) -> bool:
+        """Whether ``config`` is there."""
+        return self._config is not None
+
+    @property
+    def config(self) -> RunConfig:
+        """
+        The scenario, with the parameters that changed while it ran (``config.changes``).
+
+        Raises BagContentError where the bag has none and none was given.
+        """
+        if self._config is None:
+            raise no_scenario(self.path)
+        return self._config
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
         """
-        Yield ``(tick, topic index, data)`` of every message in the order of the file.
+        Yield ``(tick, topic index, data)`` of every message in the order of the bag.
 
         Raises BagContentError for a message at no tick of the run.
         """
         self.damage = None
-        period, ticks = self.timeline.period_ns, self.timeline.ticks
-        try:
-            for message in _all_messages(self.path):
-                topic = self._index.get(message.channel)
-                if topic is None:
-                    continue
-                tick, rest = divmod(message.log_time - T0_NS, period)
-                if rest or not 0 <= tick < ticks:
-                    raise BagContentError(
-                        f'{self.path}: {self.topics[topic].path}: a message at '
-                        f'{message.log_time} ns, at no tick of the run'
-                    )
-                yield tick, topic, message.data
-        except Damage as damage:
-            self.damage = damage
+        place = self._log_tick if self._match is None else _Places(self.path, self._match)
+        for file, index in zip(self._files, self._index, strict=True):
+            try:
+                for message in file.messages():
+                    topic = index.get(message.channel, UNKNOWN)
+                    tick = UNKNOWN if topic < 0 else place(message, topic)
+                    if tick >= 0:
+                        yield tick, topic, message.data
+            except Damage as damage:
+                self.damage = self.damage or damage
+
+    def _log_tick(self, message: Message, topic: int) -> int:
+        tick, rest = divmod(message.log_time - T0_NS, self.timeline.period_ns)
+        if rest or not 0 <= tick < self.timeline.ticks:
+            raise BagContentError(
+                f'{self.path}: {self.topics[topic].path}: a message at '
+                f'{message.log_time} ns, at no tick of the run'
+            )
+        return tick
 
     def ticks(self) -> Iterator[tuple[int, list[bytes | None]]]:
         """
@@ -179,6 +164,9 @@ class BagReader:
 
         Raises BagContentError where a message comes twice or out of order.
         """
+        return self._recorded_ticks() if self._match is None else self._sorted_ticks()
+
+    def _recorded_ticks(self) -> Iterator[tuple[int, list[bytes | None]]]:
         current, slots = -1, [None] * len(self.topics)
         held: list[bytes | None] = list(slots)
         for tick, topic, data in self.messages():
@@ -189,12 +177,41 @@ class BagReader:
                     yield current, held
                 current, held = tick, list(slots)
             if held[topic] is not None:
-                raise BagContentError(
-                    f'{self.path}: {self.topics[topic].path}: tick {tick} has two messages'
-                )
+                raise self._twice(tick, topic)
             held[topic] = data
         if current >= 0:
             yield current, held
+
+    def _sorted_ticks(self) -> Iterator[tuple[int, list[bytes | None]]]:
+        """Sort what another recorder wrote in any order; the same message twice is one."""
+        waiting: dict[int, list[bytes | None]] = {}
+        done = -1
+        for tick, topic, data in self.messages():
+            if tick <= done:
+                raise BagContentError(
+                    f'{self.path}: {self.topics[topic].path}: tick {tick} comes more than '
+                    f'{WINDOW_TICKS // 2} ticks late'
+                )
+            held = waiting.setdefault(tick, [None] * len(self.topics))
+            if held[topic] not in (None, data):
+                raise self._twice(tick, topic)
+            held[topic] = data
+            if len(waiting) > WINDOW_TICKS:
+                for done in sorted(waiting)[: WINDOW_TICKS // 2]:
+                    yield done, waiting.pop(done)
+        for tick in sorted(waiting):
+            yield tick, waiting[tick]
+
+    def nothing(self) -> BagContentError:
+        """Return the error of a bag of which no message could be used."""
+        why = f': damaged at byte {self.damage.offset}: {self.damage.what}' if self.damage else ''
+        return BagContentError(f'{self.path}: no message of a run in it{why}')
+
+    def _twice(self, tick: int, topic: int) -> BagContentError:
+        return BagContentError(
+            f'{self.path}: {self.topics[topic].path}: tick {tick} has two messages'
+            + ('' if self.own else ' (two runs in one bag, or two publishers?)')
+        )
 
     def blocks(self, size: int = BLOCK_TICKS) -> Iterator[Block]:
         """Yield the complete ticks decoded, up to the first that is missing or incomplete."""
@@ -219,71 +236,53 @@ class BagReader:
             raise BagContentError(f'{self.path}: ticks {first} to {last}: {error}') from None
 
 
-def _read_front(path: Path) -> Front:
-    """Read what a bag says of itself: before its chunks, or else wherever it stands."""
-    front = Front()
-    with Scanner(path) as scanner:
-        try:
-            for record in scanner.records(bodies=False):
-                if record.opcode == Opcode.CHUNK and front.whole and front.channels:
-                    break
-                front.take(path, record)
-        except Damage:
-            pass  # it counts only if something is missing, which is then said
-    if not front.channels:
-        _channels_in_chunks(path, front)
-    return front
+def open_run(
+    run: str | os.PathLike[str], given: RunConfig | None, namespace: str | None
+) -> BagReader:
+    """Return a reader; ``given`` and ``namespace`` are used if the bag is another recorder's."""
+    reader = BagReader(run, None, namespace)
+    return reader if reader.own or given is None else BagReader(run, given, namespace)
 
 
-def _channels_in_chunks(path: Path, front: Front) -> None:
-    """Other writers put schemas and channels into the chunks."""
-    with Scanner(path) as scanner:
-        try:
-            for record in scanner.records():
-                if record.opcode != Opcode.CHUNK:
-                    continue
-                for inner in inner_records(path, record.offset, unpack(path, record)):
-                    if isinstance(inner, Record):
-                        front.take(path, inner)
-        except Damage:
-            pass
+def no_scenario(path: Path) -> BagContentError:
+    """Return the error of a bag of which the scenario is needed."""
+    return BagContentError(
+        f'{path}: no scenario in it (not a bag of this package, or damaged at its front); '
+        'give it with --scenario FILE'
+    )
 
 
-def _all_messages(path: Path) -> Iterator[Message]:
-    with Scanner(path) as scanner:
-        for record in scanner.records():
-            if record.opcode == Opcode.CHUNK:
-                for inner in inner_records(path, record.offset, unpack(path, record)):
-                    if isinstance(inner, Message):
-                        yield inner
+class _Places:
+    """Tells the tick of each message in turn."""
+
+    def __init__(self, path: Path, found: Match) -> None:
+        self._path = path
+        self._left = [iter(ticks) for ticks in found.ticks]
+
+    def __call__(self, message: Message, topic: int) -> int:
+        tick = next(self._left[topic], None)
+        if tick is None:
+            raise BagContentError(f'{self._path}: has grown while it was read')
+        return tick
 
 
-def read_changes(path: Path, period_ns: int) -> tuple[Change, ...]:
+def read_changes(
+    files: Sequence[BagFile], fronts: Sequence[Front], period_ns: int
+) -> tuple[Change, ...]:
     """
     Return the parameters that were set while the run went on, as far as they can be read.
 
     Raises BagContentError for one that makes no sense.
     """
-    front = Front()
-    with Scanner(path) as scanner, contextlib.suppress(Damage):
-        for record in scanner.records(bodies=False):
-            if record.opcode == Opcode.CHANNEL:
-                front.take(path, record)
-    channels = {c.id for c in front.channels.values() if c.topic == changes.PATH}
     found: list[Change] = []
-    if channels:
-        with contextlib.suppress(Damage):
-            for message in _all_messages(path):
-                if message.channel in channels:
-                    found.append(_change(path, message.data, period_ns))
+    for file, front in zip(files, fronts, strict=True):
+        channels = {c.id for c in front.channels.values() if c.topic == changes.PATH}
+        if channels:
+            with contextlib.suppress(Damage):
+                for message in file.messages():
+                    if message.channel in channels:
+                        found.append(change_of(file.path, message.data, period_ns))
     return tuple(found)
-
-
-def _change(path: Path, data: bytes, period_ns: int) -> Change:
-    try:
-        return changes.decode(data, period_ns)
-    except ValueError as error:
-        raise BagContentError(f'{path}: {changes.PATH}: {error}') from None
 
 
 def front_config(path: Path, front: Front) -> RunConfig:
@@ -294,9 +293,7 @@ def front_config(path: Path, front: Front) -> RunConfig:
         torques = parse_torques(rows.decode(), TORQUES_FILE) if rows is not None else ()
         return scenario.from_text(text, torques, SCENARIO_FILE)
     except KeyError:
-        raise BagContentError(
-            f'{path}: no scenario in it: not a bag of this package, or damaged at its front'
-        ) from None
+        raise no_scenario(path) from None
     except (UnicodeDecodeError, scenario.ScenarioError) as error:
         raise BagContentError(f'{path}: its scenario: {error}') from None
 
@@ -310,16 +307,19 @@ def front_provenance(front: Front) -> Provenance:
         return Provenance()
 
 
-def topic_index(path: Path, front: Front, topics: Sequence[Topic]) -> dict[int, int]:
-    """Return ``{channel: topic index}``; BagContentError where a topic is missing."""
+def topic_index(front: Front, topics: Sequence[Topic]) -> dict[int, int]:
+    """Return ``{channel: topic index}``."""
     known = {(topic.path, topic.type_name): i for i, topic in enumerate(topics)}
-    found: dict[int, int] = {}
-    for channel in front.channels.values():
-        schema = front.schemas.get(channel.schema_id)
-        key = (channel.topic, schema.name if schema else '')
-        if key in known and channel.message_encoding == 'cdr':
-            found[channel.id] = known[key]
-    missing = [topic.path for i, topic in enumerate(topics) if i not in found.values()]
+    return {
+        channel: known[topic, type_name]
+        for channel, topic, type_name in front.kinds()
+        if (topic, type_name) in known
+    }
+
+
+def check_complete(path: Path, topics: Sequence[Topic], index: Sequence[dict[int, int]]) -> None:
+    """Raise BagContentError where no file has a topic."""
+    found = {topic for held in index for topic in held.values()}
+    missing = [topic.path for i, topic in enumerate(topics) if i not in found]
     if missing:
         raise BagContentError(f'{path}: topic missing: {", ".join(missing)}')
-    return found

@@ -16,7 +16,8 @@
 Rescue of a damaged bag into a new one.
 
 Chunks are the unit: each has a checksum and is kept whole or not at all.
-Behind a damaged place the search goes on for the next sound chunk.  The
+Behind a damaged place the search goes on for the next sound chunk.  Messages
+outside of chunks (other writers' files) are kept up to the first damage.  The
 scenario and the provenance are in attachments with checksums of their own, the
 scenario a second time in a metadata record.  Where both are lost, messages are
 rescued nevertheless, but the new bag cannot be run again.
@@ -25,6 +26,7 @@ rescued nevertheless, but the new bag cannot be run again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+import contextlib
 from dataclasses import dataclass, field
 import hashlib
 import json
@@ -45,17 +47,19 @@ from flexarm_ros.bag.frontmatter import (
 )
 from flexarm_ros.bag.mcapfile import LIBRARY
 from flexarm_ros.bag.plain import PlainWriter
-from flexarm_ros.bag.reader import find_bag, Front, front_config, front_provenance, topic_index
+from flexarm_ros.bag.reader import check_complete, front_config, front_provenance, topic_index
 from flexarm_ros.bag.scan import (
     Damage,
     DATA_CHECKSUM,
     inner_records,
     library_record,
     Message,
+    message_of,
     Record,
     Scanner,
     unpack,
 )
+from flexarm_ros.bag.storage import find_bag, Front
 from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters import RunConfig
@@ -63,6 +67,9 @@ from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.torque_file import parse_torques
 from mcap.opcode import Opcode
 from mcap.records import Header
+
+_LOOSE = 6000
+"""Messages outside of chunks that are written as one chunk."""
 
 _ATTACHED = (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE)
 
@@ -76,7 +83,8 @@ class Rescue:
     ``dropped`` counts messages that fit nowhere.  ``damages`` says what was
     found, a line each.  ``harmed``: something is wrong in the data section;
     ``ended``: the data section's end is there; ``lost_front``: scenario or
-    provenance are lost.
+    provenance are lost.  ``chunks`` and ``loose`` count sound chunks and messages
+    outside of chunks, which have no checksum.
     """
 
     kept: int = 0
@@ -86,6 +94,8 @@ class Rescue:
     harmed: bool = False
     ended: bool = False
     lost_front: bool = False
+    chunks: int = 0
+    loose: int = 0
     damages: list[str] = field(default_factory=list)
 
     @property
@@ -96,6 +106,11 @@ class Rescue:
         return self.kept > 0 and not self.lost_front and not self.dropped and (
             every_tick or unharmed
         )  # fmt: skip
+
+    @property
+    def keeps_loose(self) -> bool:
+        """Whether messages outside of chunks count: not beside damage, which may look like one."""
+        return self.loose > 0 and not (self.chunks and self.harmed)
 
     @property
     def status(self) -> int:
@@ -120,8 +135,8 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
     if os.path.lexists(target):
         raise BagExistsError(f'{target}: exists already, not overwritten')
     rescue = Rescue()
-    front, chunks = _survey(path, rescue)
-    if not chunks:
+    front = _survey(path, rescue)
+    if not rescue.chunks and not rescue.loose:
         rescue.note('no sound chunk of messages')
         return rescue
     config = _config(path, front, rescue)
@@ -138,17 +153,12 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
     return rescue
 
 
-def _survey(path: Path, rescue: Rescue) -> tuple[Front, int]:
-    """Look through the whole file: what it says of itself, and how many sound chunks it has."""
-    front, chunks = Front(), 0
+def _survey(path: Path, rescue: Rescue) -> Front:
+    """Look through the whole file: what it says of itself, and what there is to rescue."""
+    front = Front()
     for record in _sound_records(path, rescue):
         try:
-            if record.opcode == Opcode.CHUNK:
-                chunks += 1
-            elif record.opcode == Opcode.HEADER:
-                front.library = library_record(path, record, Header).library
-            else:
-                front.take(path, record)
+            _look_at(path, record, front, rescue)
         except BagError as error:
             rescue.harmed = True
             rescue.note(_what(error))
@@ -158,7 +168,23 @@ def _survey(path: Path, rescue: Rescue) -> tuple[Front, int]:
                 data = scanner.find_attachment(name)
                 if data is not None:
                     front.attachments[name] = data
-    return front, chunks
+    if rescue.keeps_loose:
+        rescue.note(f'{rescue.loose} messages outside of chunks: no checksum proves them')
+    return front
+
+
+def _look_at(path: Path, record: Record, front: Front, rescue: Rescue) -> None:
+    if record.opcode == Opcode.CHUNK:
+        rescue.chunks += 1
+        for inner in inner_records(path, record.offset, unpack(path, record)):
+            if isinstance(inner, Record):
+                front.take(path, inner)
+    elif record.opcode == Opcode.MESSAGE:
+        rescue.loose += 1
+    elif record.opcode == Opcode.HEADER:
+        front.library = library_record(path, record, Header).library
+    else:
+        front.take(path, record)
 
 
 def _sound_records(path: Path, rescue: Rescue) -> Iterator[Record]:
@@ -179,6 +205,23 @@ def _sound_records(path: Path, rescue: Rescue) -> Iterator[Record]:
                     return  # only the index at the end is damaged
                 rescue.harmed = True
                 position = _resume(scanner, error, trusted)
+
+
+def _sound_messages(path: Path, keeps_loose: bool) -> Iterator[list[Message]]:
+    """Yield the messages of each sound chunk, and in portions those outside of chunks."""
+    loose: list[Message] = []
+    for record in _sound_records(path, Rescue()):
+        if record.opcode == Opcode.MESSAGE and keeps_loose:
+            with contextlib.suppress(Damage):
+                loose.append(message_of(path, record))
+        if loose and (record.opcode == Opcode.CHUNK or len(loose) == _LOOSE):
+            yield loose
+            loose = []
+        if record.opcode == Opcode.CHUNK:
+            inner = inner_records(path, record.offset, unpack(path, record))
+            yield [message for message in inner if isinstance(message, Message)]
+    if loose:
+        yield loose
 
 
 def _start(scanner: Scanner, rescue: Rescue) -> int | None:
@@ -258,16 +301,13 @@ def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescu
     index = {i + 1: i for i in range(len(topics))}
     if front.library != LIBRARY:
         try:
-            index = topic_index(path, front, topics)
+            index = topic_index(front, topics)
+            check_complete(path, topics, [index])
         except BagContentError as error:
             rescue.note(f'{str(error).removeprefix(f"{path}: ")}; our own order assumed')
     altering = {c.id for c in front.channels.values() if c.topic == changes.PATH}
     with BagWriter(target, config, front_provenance(front)) as writer:
-        for record in _sound_records(path, Rescue()):
-            if record.opcode != Opcode.CHUNK:
-                continue
-            inner = inner_records(path, record.offset, unpack(path, record))
-            messages = [message for message in inner if isinstance(message, Message)]
+        for messages in _sound_messages(path, rescue.keeps_loose):
             last = _rescue_messages(messages, writer, index, altering, timeline, rescue)
             writer.end_tick(last - 1)
     rescue.complete = writer.complete_ticks
@@ -305,9 +345,7 @@ def _rescue_plain(path: Path, front: Front, target: Path, rescue: Rescue) -> Non
         rescue.note('nothing says what its channels hold')
         return
     with PlainWriter(target, front) as writer:
-        for record in _sound_records(path, Rescue()):
-            if record.opcode == Opcode.CHUNK:
-                inner = inner_records(path, record.offset, unpack(path, record))
-                kept, dropped = writer.add([m for m in inner if isinstance(m, Message)])
-                rescue.kept += kept
-                rescue.dropped += dropped
+        for messages in _sound_messages(path, rescue.keeps_loose):
+            kept, dropped = writer.add(messages)
+            rescue.kept += kept
+            rescue.dropped += dropped

@@ -160,6 +160,20 @@ class Scanner:
                 self._check_end(record, summary, position)
                 return
 
+    def contents(self) -> Iterator[Message | Record]:
+        """
+        Yield every message, and every other record but chunks, whether in a chunk or not.
+
+        Raises as :meth:`records`, `unpack` and `inner_records`.
+        """
+        for record in self.records():
+            if record.opcode == Opcode.CHUNK:
+                yield from inner_records(self.path, record.offset, unpack(self.path, record))
+            elif record.opcode == Opcode.MESSAGE:
+                yield message_of(self.path, record)
+            else:
+                yield record
+
     def _read(self, position: int, bodies: bool) -> Record:
         self._file.seek(position)
         self._head = self._file.read(_HEAD.size)
@@ -188,7 +202,8 @@ class Scanner:
             raise Damage(self.path, position, 'the end of the file')
         if not footer.summary_crc:
             return
-        if summary < 0 or footer.summary_start != summary:
+        # Without a summary its start is 0, and the checksum is that of the footer alone.
+        if summary < 0 or (footer.summary_start or record.offset) != summary:
             raise Damage(self.path, record.offset, 'the place of the summary')
         self._file.seek(summary)
         left, crc = position - 4 - summary, 0
@@ -318,15 +333,22 @@ def inner_records(path: Path, offset: int, data: bytes) -> Iterator[Message | Re
             raise Damage(path, offset, 'records inside of a chunk')
         end = position + length
         if opcode == _MESSAGE_OPCODE:
-            if length < _MESSAGE.size:
-                raise Damage(path, offset, 'a message inside of a chunk')
-            head = _MESSAGE.unpack_from(data, position)
-            channel, sequence, log_time, publish_time = head
-            content = position + _MESSAGE.size
-            yield Message(channel, sequence, log_time, publish_time, data[content:end])
+            yield _message(path, offset, data, position, end)
         else:
             yield Record(opcode, offset, data[position:end])
         position = end
+
+
+def message_of(path: Path, record: Record) -> Message:
+    """Return the content of a message record outside of a chunk; Damage if it is too short."""
+    return _message(path, record.offset, record.body, 0, len(record.body))
+
+
+def _message(path: Path, offset: int, data: bytes, start: int, end: int) -> Message:
+    if end - start < _MESSAGE.size:
+        raise Damage(path, offset, 'a message')
+    channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, start)
+    return Message(channel, sequence, log_time, publish_time, data[start + _MESSAGE.size : end])
 
 
 def library_record(path: Path, record: Record, kind: Any) -> Any:

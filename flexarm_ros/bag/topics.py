@@ -98,9 +98,21 @@ def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
 
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """Return the topics of a run in canonical order."""
-    state = JointStateCodec((*state_names(config.plant.modes), *LINKS), BASE_FRAME)
+    further = len(config.tip_sensor.more_locations or ())
+    return topics_of(config.plant.modes, further, config.tip_sensor.noise_std**2)
+
+
+def topics_of(modes: int, further: int = 0, variance: float = 0.0) -> tuple[Topic, ...]:
+    """
+    Return the topics of a run in canonical order.
+
+    ``modes``: assumed modes a link; ``further``: number of tip sensors at
+    ``tip_sensor.more_locations``, whose topics come behind all others;
+    ``variance``: of the tip sensors' position, m^2.
+    """
+    state = JointStateCodec((*state_names(modes), *LINKS), BASE_FRAME)
     joints = JointStateCodec(JOINTS, BASE_FRAME)
-    tip = OdometryCodec(BASE_FRAME, 'tip_sensor', config.tip_sensor.noise_std**2)
+    tip = OdometryCodec(BASE_FRAME, 'tip_sensor', variance)
     reference = OdometryCodec(BASE_FRAME, 'reference')
     command = JointStateCodec(JOINTS, BASE_FRAME, ('effort',))
     return (
@@ -110,18 +122,11 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
         Topic('tip_sensor/odometry', 'tip_sensor', tip),
         Topic('reference', 'trajectory', reference),
         Topic('joint_command', 'controller', command),
-        *_further_sensors(config),
-    )
-
-
-def _further_sensors(config: RunConfig) -> tuple[Topic, ...]:
-    """Return the topics of the sensors at ``tip_sensor.more_locations``, behind all others."""
-    variance = config.tip_sensor.noise_std**2
-    numbers = range(1, len(config.tip_sensor.more_locations or ()) + 1)
-    return tuple(
-        Topic(
-            f'tip_sensor/odometry_{number}', 'tip_sensor',
-            OdometryCodec(BASE_FRAME, f'tip_sensor_{number}', variance),
-        )
-        for number in numbers
+        *(
+            Topic(
+                f'tip_sensor/odometry_{number}', 'tip_sensor',
+                OdometryCodec(BASE_FRAME, f'tip_sensor_{number}', variance),
+            )
+            for number in range(1, further + 1)
+        ),
     )  # fmt: skip

@@ -28,16 +28,19 @@ from dataclasses import dataclass, field
 import os
 
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.metadata import read_counts
+from flexarm_ros.bag.metadata import read_counts, read_files
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.recompute import loop_messages, Nodes, Stamped, Tick, Values
+from flexarm_ros.bag.storage import METADATA_FILE
 from flexarm_ros.bag.topics import per_tick_topics, STATE, Topic
 from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.parameters import RunConfig
 import numpy as np
 
 LOOP = 'closed loop'
+PADDING = 'padding'
 
 
 @dataclass(frozen=True)
@@ -94,8 +97,10 @@ class Verdict:
 class _Comparison:
     """Compares messages and keeps the account."""
 
-    def __init__(self, topics: Sequence[Topic], verdict: Verdict) -> None:
-        self.topics, self._verdict = topics, verdict
+    def __init__(self, reader: BagReader, verdict: Verdict) -> None:
+        self.topics, self._verdict = reader.topics, verdict
+        self._exact = reader.own
+        """Bytes that mean nothing count: another recorder keeps what the middleware had there."""
 
     def message(self, check: str, tick: int, topic: int, data: bytes, wanted: Stamped) -> None:
         """Compare one recorded message with the stamp and values that it should have."""
@@ -104,7 +109,7 @@ class _Comparison:
         if codec.encode(wanted[0], *wanted[1]) == data:
             return
         place, recorded, computed = self._explain(topic, data, wanted)
-        if place or recorded:
+        if recorded and (self._exact or place != PADDING):
             self.differs(Difference(
                 check, tick, self.topics[topic].path, place, recorded, computed
             ))  # fmt: skip
@@ -131,7 +136,7 @@ class _Comparison:
             codec.decode(data)
         except ValueError:
             return '', '', ''  # a foreign node's layout, the same content
-        return 'padding', 'other bytes', 'zeros'
+        return PADDING, 'other bytes', 'zeros'
 
 
 _RAGGED_TICKS = 256
@@ -142,14 +147,15 @@ class _Run:
     """Walks through a bag once, computing everything anew beside it."""
 
     def __init__(self, reader: BagReader, skip: frozenset[str], verdict: Verdict) -> None:
-        self._reader, self._verdict = reader, verdict
+        self._reader, self._verdict, self._skip = reader, verdict, skip
         self._topics = reader.topics
-        self._comparison = _Comparison(reader.topics, verdict)
+        self._comparison = _Comparison(reader, verdict)
         self._nodes = Nodes(reader.config, reader.topics, skip)
         self._loop = None if skip else ClosedLoop(reader.config)
         self._agenda = Agenda(reader.config.changes)
         self._last = -1
-        self._incomplete: list[str] = []
+        self._missing = _Missing()
+        self._ragged: list[tuple[int, list[str]]] = []
         """Ticks without all messages since the last whole one: the ragged end of a run, maybe."""
         self.counts = [0] * len(reader.topics)
 
@@ -196,19 +202,19 @@ class _Run:
         missing = []
         for i, data in enumerate(messages):
             self.counts[i] += data is not None
-            if data is None:
+            if data is None and i in self._reader.names:
                 missing.append(self._topics[i].path)
         if missing:
-            self._incomplete.append(f'tick {tick}: no message on {", ".join(missing)}')
+            self._ragged.append((tick, missing))
             return
         self._verdict.ticks += 1
-        self._verdict.faults += self._incomplete
-        self._incomplete.clear()
+        self._missing.take(self._ragged)
 
     def _skip_to(self, tick: int) -> None:
         first = self._last + 1
+        late_recorder = first == 0 and not self._reader.own
         span = f'tick {first} is' if tick == first + 1 else f'ticks {first} to {tick - 1} are'
-        self._verdict.faults.append(
+        (self._verdict.notes if late_recorder else self._verdict.faults).append(
             f'{span} missing; encoder, tip sensor and controller are not judged behind that'
         )
         while self._loop is not None and self._loop.k < tick:
@@ -221,15 +227,19 @@ class _Run:
         if not any(self.counts):
             verdict.faults.append('no message in it: nothing is proved')
             return
-        if self._incomplete:
+        self._say_judged()
+        if self._ragged:
             whole_run = self._last + 1 == verdict.planned
-            if whole_run or not verdict.ticks or len(self._incomplete) > _RAGGED_TICKS:
-                verdict.faults += self._incomplete[:-1]
-                del self._incomplete[:-1]
-            verdict.notes += self._incomplete
-        elif self._last + 1 == verdict.planned:
+            ragged = _Missing()
+            if whole_run or not verdict.ticks or len(self._ragged) > _RAGGED_TICKS:
+                self._missing.take(self._ragged)
+            else:
+                ragged.take(self._ragged)
+            verdict.notes += ragged.texts()
+        verdict.faults += self._missing.texts()
+        if self._last + 1 == verdict.planned:
             return
-        elif loop is not None and loop.k == self._last + 1 and loop.tick() is None:
+        if loop is not None and loop.k == self._last + 1 and loop.tick() is None:
             verdict.notes.append(
                 f'ends at tick {self._last}, unstable as computed: {loop.unstable}'
             )
@@ -238,24 +248,67 @@ class _Run:
             f'ends at tick {self._last} of {verdict.planned}, compared as far as it goes'
         )
 
+    def _say_judged(self) -> None:
+        """Say whose messages could be computed from the recorded inputs in part only."""
+        there = dict.fromkeys(self._verdict.compared, 0)
+        for topic, count in zip(self._topics, self.counts, strict=True):
+            if topic.node not in self._skip:
+                there[topic.node] = there.get(topic.node, 0) + count
+        for node, count in there.items():
+            judged = self._verdict.compared.get(node, 0)
+            if node != LOOP and judged < count:
+                self._verdict.notes.append(
+                    f'{node}: inputs are missing, {judged} of {count} messages judged by them'
+                )
 
-def verify(run: str | os.PathLike[str], foreign: Sequence[str] = ()) -> Verdict:
+
+class _Missing:
+    """Counts missing messages, topic by topic."""
+
+    def __init__(self) -> None:
+        self._ticks: dict[str, tuple[int, int, int]] = {}
+
+    def take(self, ticks: list[tuple[int, list[str]]]) -> None:
+        """Take ticks, each with the topics that have no message there; leaves the list empty."""
+        for tick, paths in ticks:
+            for path in paths:
+                count, first, _ = self._ticks.get(path, (0, tick, tick))
+                self._ticks[path] = (count + 1, first, tick)
+        ticks.clear()
+
+    def texts(self) -> list[str]:
+        """Return a text for each topic."""
+        return [
+            f'tick {first}: no message on {path}'
+            if count == 1
+            else f'{count} of the ticks {first} to {last}: no message on {path}'
+            for path, (count, first, last) in self._ticks.items()
+        ]
+
+
+def verify(
+    run: str | os.PathLike[str],
+    foreign: Sequence[str] = (),
+    given: RunConfig | None = None,
+    namespace: str | None = None,
+) -> Verdict:
     """
     Compute the run of a bag anew and compare every recorded message.
 
     ``foreign`` names nodes that were not ours (beside those that the bag
     itself names): their output is taken as it is, and the closed loop is not
-    computed.  Raises BagError where RUN cannot be read.
+    computed.  ``given`` is the scenario of a bag that has none, ``namespace`` as
+    for `BagReader`.  Raises BagError where RUN cannot be read or has no scenario.
     """
-    reader = BagReader(run)
+    reader = BagReader(run, given, namespace)
     verdict = Verdict(planned=reader.timeline.ticks)
-    verdict.versions = reader.provenance.differences(Provenance.here())
     skip = frozenset(foreign) | frozenset(reader.provenance.foreign)
     if skip:
         verdict.notes.append(
             f'not ours, taken as recorded: {", ".join(sorted(skip))}; closed loop not computed'
         )
     walk = _Run(reader, skip, verdict)
+    _say_origin(reader, skip, verdict)
     try:
         walk.walk()
     except BagContentError as error:
@@ -263,25 +316,42 @@ def verify(run: str | os.PathLike[str], foreign: Sequence[str] = ()) -> Verdict:
     if reader.damage is not None:
         verdict.notes.append(f'{reader.damage}')
     else:
-        _check_counts(reader, walk.counts, verdict)
+        _check_counts(reader, reader.surveyed or walk.counts, verdict)
     return verdict
 
 
+def _say_origin(reader: BagReader, skip: frozenset[str], verdict: Verdict) -> None:
+    """Say what differs between the recording and here, and what the bag lacks altogether."""
+    if reader.provenance.versions:
+        verdict.versions = reader.provenance.differences(Provenance.here())
+    else:
+        verdict.notes.append('the bag does not tell the versions that it was recorded with')
+    verdict.notes += reader.notes
+    for index, topic in enumerate(reader.topics):
+        if index not in reader.names and topic.node not in skip:
+            verdict.faults.append(f'no topic {topic.path} in the bag')
+
+
 def _check_counts(reader: BagReader, counts: Sequence[int], verdict: Verdict) -> None:
-    """Compare what ``metadata.yaml`` beside the file says with the file."""
+    """Compare what ``metadata.yaml`` beside the files says with the files."""
+    path = reader.directory / METADATA_FILE
     try:
-        said = read_counts(reader.path.parent / 'metadata.yaml')
+        said = read_counts(path)
     except BagContentError as error:
         verdict.faults.append(str(error))
         return
     if said is None:
         verdict.notes.append('no metadata.yaml beside the bag')
         return
-    for topic, count in zip(reader.topics, counts, strict=True):
-        if said.get(topic.path) != count:
+    listed = len(read_files(path))
+    if listed > reader.file_count:
+        verdict.notes.append(f'metadata.yaml lists {listed} files, {reader.file_count} were read')
+        return
+    for index, name in reader.names.items():
+        if said.get(name) != counts[index]:
             verdict.faults.append(
-                f'metadata.yaml: {said.get(topic.path, "no")} messages on {topic.path}, '
-                f'the bag has {count}'
+                f'metadata.yaml: {said.get(name, "no")} messages on {name}, '
+                f'the bag has {counts[index]}'
             )
 
 

@@ -22,6 +22,8 @@ import json
 import math
 from typing import Any, TYPE_CHECKING
 
+from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
+
 if TYPE_CHECKING:
     from flexarm_ros.bag.compare import Comparison, FieldDifference
 
@@ -34,14 +36,15 @@ def add_parser(subparsers: Any) -> None:
         description='Compare the messages of two runs (directories, bags or .mcap files) at equal '
         'times since the start, field by field. A value is beyond tolerance where '
         '|A - B| > ATOL + RTOL |B|.',
-        epilog='Exit status: 0 all within tolerance; 1 something beyond, or a message without '
-        'counterpart.',
+        epilog='Exit status: 0 all within tolerance; 1 something beyond, a message without '
+        'counterpart, or nothing to compare.',
     )
     parser.add_argument('a', metavar='A', help='output directory of a run, or its bag')
     parser.add_argument('b', metavar='B', help='the run to compare it with')
     parser.add_argument('--atol', type=_tolerance, default=0.0, help='absolute (default 0)')
     parser.add_argument('--rtol', type=_tolerance, default=0.0, help='relative (default 0)')
     parser.add_argument('--json', action='store_true', help='machine-readable')
+    add_bag_options(parser)
 
 
 def _tolerance(text: str) -> float:
@@ -55,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
     """Compare the runs; 0 if all is within tolerance, else 1."""
     from flexarm_ros.bag.compare import compare
 
-    result = compare(args.a, args.b, args.atol, args.rtol)
+    given = given_scenario(args)
+    result = compare(args.a, args.b, args.atol, args.rtol, given, args.namespace)
     if args.json:
         _show_json(result)
     else:
@@ -93,9 +97,11 @@ def _show(result: Comparison) -> None:
             f'{f.topic + " " + f.name:{width}}  {f.largest:10.3g} {f.at_ns / 1e9:10g} '
             f'{f.rms:10.3g}  {_beyond(f)}'
         )
-    compared = sum(f.count for f in result.fields)
+    if not result.compared:
+        print('NOTHING compared: no message at the same time in both')
+        return
     print(
-        f'{compared} values compared: '
+        f'{result.compared} values compared: '
         + ('all within tolerance' if result.within else 'DIFFERENT')
     )
 

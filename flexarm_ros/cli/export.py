@@ -20,6 +20,8 @@ import argparse
 import sys
 from typing import Any
 
+from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
+
 
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
@@ -35,16 +37,21 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument('bag', metavar='BAG', help='a bag, or the output directory of a run')
     parser.add_argument('--format', choices=('csv', 'parquet'), default='csv')
     parser.add_argument('--out', metavar='DIR', required=True, help='new directory of the files')
+    add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Export the bag; 0, or 1 where that is not possible or the bag is damaged."""
     from flexarm_ros.bag.export import export
 
-    exported = export(args.bag, args.out, args.format)
+    given = given_scenario(args)
+    exported = export(args.bag, args.out, args.format, given, args.namespace)
     for name, rows in exported.rows.items():
         print(f'{rows:9} rows  {args.out}/{name}')
-    print(f'     scenario  {args.out}/scenario.yaml')
+    if exported.has_scenario:
+        print(f'     scenario  {args.out}/scenario.yaml')
+    for text in exported.notes:
+        print(f'note: {text}')
     if exported.damage:
         print(f'flexarm export: only in part: {exported.damage}', file=sys.stderr)
         return 1

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.bag_options import add_bag_options
 
 
 def add_parser(subparsers: Any) -> None:
@@ -65,6 +66,7 @@ def add_parser(subparsers: Any) -> None:
         '--domain', type=int, choices=range(233), metavar='N',
         help='ROS_DOMAIN_ID (default: that of the environment, else 0)',
     )  # fmt: skip
+    add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -85,6 +87,9 @@ def run(args: argparse.Namespace) -> int:
         'topics': json.dumps(','.join(args.topics)),
         'without': f"'{args.without}'",
         'delay': repr(args.delay),
+        'scenario': json.dumps(args.scenario or ''),
+        'set': json.dumps(';'.join(args.overrides)),
+        'namespace': json.dumps(args.namespace or ''),
     }
     words = [word for key, value in values.items() for word in ('-p', f'{key}:={value}')]
     print(f'ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")}', flush=True)

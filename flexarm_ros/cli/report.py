@@ -22,6 +22,7 @@ from typing import Any
 import webbrowser
 
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
 
 
 def add_parser(subparsers: Any) -> None:
@@ -43,6 +44,7 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument('--no-pictures', action='store_true', help='write the page only')
     parser.add_argument('--open', action='store_true', help='open the page in a browser')
+    add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,15 +53,16 @@ def run(args: argparse.Namespace) -> int:
     from flexarm_ros.analysis.report import write_report
     from flexarm_ros.analysis.report_runs import load_run, RunError
 
+    given = given_scenario(args)
     try:
-        first = load_run(args.runs[0])
-        out = args.out or (first.directory if len(args.runs) == 1 else Path()) / 'report'
-        page = write_report(args.runs, out)
-        pictures = [] if args.no_pictures else write_figures(args.runs, out)
+        runs = [load_run(path, given, args.namespace) for path in args.runs]
+        out = args.out or (runs[0].directory if len(runs) == 1 else Path()) / 'report'
+        page = write_report(runs, out)
+        pictures = [] if args.no_pictures else write_figures(runs, out)
     except RunError as error:
         raise UsageError(str(error)) from None
     for path in (page, *pictures):
         print(path)
     if args.open:
-        webbrowser.load(page.resolve().as_uri())
+        webbrowser.open(page.resolve().as_uri())
     return 0

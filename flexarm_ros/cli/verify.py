@@ -19,6 +19,8 @@ from __future__ import annotations
 import argparse
 from typing import Any, TYPE_CHECKING
 
+from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
+
 if TYPE_CHECKING:
     from flexarm_ros.bag.verify import Verdict
 
@@ -31,8 +33,8 @@ def add_parser(subparsers: Any) -> None:
         'verify',
         help='recompute a recorded run and compare every message',
         description="Recompute RUN (a run's directory, the bag in it or the .mcap file) from the "
-        'scenario in the bag, node by node from the recorded inputs and as a closed loop, and '
-        'compare every recorded message byte for byte.',
+        'scenario in the bag (or --scenario), node by node from the recorded inputs and as a '
+        'closed loop, and compare every recorded message byte for byte.',
         epilog='Exit status: 0 all the same; 1 something differs, or the bag cannot be read.',
     )
     parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
@@ -40,13 +42,14 @@ def add_parser(subparsers: Any) -> None:
         '--without', action='append', default=[], choices=NODES, metavar='NODE',
         help="NODE was somebody else's: take its messages as they are; repeats",
     )  # fmt: skip
+    add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Verify the run; 0 if all is the same, else 1."""
     from flexarm_ros.bag.verify import verify
 
-    verdict = verify(args.run, args.without)
+    verdict = verify(args.run, args.without, given_scenario(args), args.namespace)
     _show(verdict)
     return 0 if verdict.same else 1
 

@@ -30,6 +30,7 @@ import threading
 import time
 from typing import Any
 
+from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.topics import CLOCK, COMMAND
@@ -65,7 +66,11 @@ class PlayerNode(Node):
         self.stop_signal = 0
         self.played = 0
         self.options: PlayerOptions = declare(self, argv)
-        self.reader = BagReader(self.options.bag)
+        given = self.options.scenario
+        self.reader = BagReader(
+            self.options.bag, scenario.load(given, self.options.set) if given else None,
+            self.options.namespace or None,
+        )  # fmt: skip
         self.timeline = self.reader.timeline
         self._first = self._first_tick()
         self._pace = Pace(self.options.rate, self.options.paused, self.stopped)
@@ -86,6 +91,10 @@ class PlayerNode(Node):
         # Made here, before the services' thread spins: rclpy makes no promise for later.
         self._seat: ControllerSeat | None = None
         if self.options.without:
+            if self.reader.gaps:
+                raise BagError(
+                    f'{self.reader.path}: a controller needs every tick: {self.reader.gaps[0]}'
+                )
             self._seat = ControllerSeat(
                 self, self.reader.config, self.options.tick_timeout, self.stopped
             )
@@ -106,7 +115,7 @@ class PlayerNode(Node):
 
     def _choose_topics(self) -> set[int]:
         """Return the indices of the topics to publish; PlayerError names an unknown one."""
-        names = {topic.path: index for index, topic in enumerate(self.reader.topics)}
+        names = {self.reader.topics[index].path: index for index in sorted(self.reader.names)}
         chosen = {CLOCK}
         for text in self.options.topics or names:
             path = text if text.startswith('/') else '/' + text
@@ -158,10 +167,12 @@ class PlayerNode(Node):
             while True:
                 before = self.played
                 self._play_once(None)
-                if self.stopped() or not self.options.loop:
+                if self.stopped():
                     return
-                if self.played == before:  # a loop over nothing would never end
+                if self.played == before:
                     raise BagError(f'{self.reader.path}: no tick from {self.options.start:g} s on')
+                if not self.options.loop:
+                    return
         try:
             seat.wait_for_controller()
             self._play_once(seat)
@@ -178,8 +189,12 @@ class PlayerNode(Node):
             publisher.wait_for_all_acked(Duration(seconds=2.0))
 
     def _play_once(self, seat: ControllerSeat | None) -> None:
-        previous = self._first - 1
+        own = self.reader.own  # another recorder may begin late, and lose a clock
+        previous = self._first - 1 if own else None
         for tick, messages in self._from_start():
+            previous = tick - 1 if previous is None else previous
+            if not own:
+                messages[CLOCK] = messages[CLOCK] or self._clock(tick)
             self._pace.wait((tick - previous) * self.timeline.period_ns * 1e-9)
             if self.stopped():
                 return
@@ -194,6 +209,9 @@ class PlayerNode(Node):
                 self.flush()
         if self.reader.damage is not None:
             raise self.reader.damage
+
+    def _clock(self, tick: int) -> bytes:
+        return self.reader.topics[CLOCK].codec.encode(self.timeline.stamp_ns(tick))
 
     def _from_start(self) -> Iterator[tuple[int, list[bytes | None]]]:
         for tick, messages in self.reader.ticks():
@@ -228,7 +246,7 @@ def play(argv: list[str]) -> int:
     try:
         try:
             node = PlayerNode(argv)
-        except (BagError, PlayerError) as error:
+        except (BagError, PlayerError, scenario.ScenarioError) as error:
             return _complain(error, 2)
         _catch_signals(node)
         executor.add_node(node)
@@ -241,6 +259,8 @@ def play(argv: list[str]) -> int:
             return 128 + node.stop_signal
         node.flush()
         node.get_logger().info(f'played {node.played} ticks of {node.reader.path}')
+        for text in (*node.reader.gaps, *node.reader.notes):
+            node.get_logger().info(text)
         return 0
     finally:
         with leaving():

@@ -46,6 +46,9 @@ PARAMETERS = {
     'tick_timeout': Own(
         5.0, 'wall time that the controller may take to answer a tick', 's', high=MOST
     ),
+    'scenario': Own('', 'the scenario of a bag that has none: a file or a shipped name'),
+    'set': Own('', 'changes of parameters of `scenario`, NODE.KEY=VALUE, separated by semicolons'),
+    'namespace': Own('', "the run's namespace in a bag of another recorder; empty: the only one"),
 }  # fmt: skip
 
 
@@ -66,6 +69,9 @@ class PlayerOptions:
     without: str
     delay: float
     tick_timeout: float
+    scenario: str
+    set: tuple[str, ...]
+    namespace: str
 
 
 def declare(node: Node, argv: list[str]) -> PlayerOptions:
@@ -86,7 +92,8 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
         value = node.declare_parameter(name, own.default, free).value
         values[name] = _checked(name, value, own.default)
         node.set_descriptor(name, descriptor)
-    values['topics'] = tuple(word.strip() for word in values['topics'].split(',') if word.strip())
+    values['topics'] = _split(values['topics'], ',')
+    values['set'] = _split(values['set'], ';')
     options = PlayerOptions(**values)
     if not options.bag:
         raise PlayerError("bag: missing; give a run's directory or the bag in it")
@@ -94,7 +101,13 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
         raise PlayerError(f"without: '{options.without}' is not allowed: controller, or empty")
     if options.without and options.loop:
         raise PlayerError('loop: true is not allowed with without: a controller runs once')
+    if options.set and not options.scenario:
+        raise PlayerError('set: needs scenario')
     return options
+
+
+def _split(text: str, separator: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(separator) if word.strip())
 
 
 def number(name: str, value: Any) -> float:

@@ -1,0 +1,96 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The rows of ``trajectory.csv`` from a bag of this package or of another recorder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import math
+from typing import NamedTuple
+
+from flexarm_ros.bag.errors import BagContentError
+from flexarm_ros.bag.outputs import block_rows
+from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.topics import COMMAND, REFERENCE, split_state, STATE, TIP
+from flexarm_ros.core.rows import Row, Rows
+from flexarm_ros.core.timeline import NS_PER_S
+import numpy as np
+
+_NAN = (math.nan, math.nan)
+
+
+class TickRow(NamedTuple):
+    """One row; ``whole``: every tick up to this one is there, with all that the row needs."""
+
+    tick: int
+    row: Row
+    whole: bool
+
+
+def trajectory(reader: BagReader) -> Iterator[TickRow]:
+    """
+    Yield the rows of a run.
+
+    Of a bag of this package: of the complete ticks from the start.  Of another
+    recorder's: of every tick with a state, with not-a-number for what is missing,
+    and without a scenario for what needs it (elbow, tip, rigid, lambda; the
+    reference is then that which was recorded).
+    """
+    return _own(reader) if reader.own else _matched(reader)
+
+
+def _own(reader: BagReader) -> Iterator[TickRow]:
+    rows = Rows(reader.config)
+    for block in reader.blocks():
+        for tick, row in enumerate(block_rows(rows, block), block.first):
+            yield TickRow(tick, row, True)
+
+
+def _matched(reader: BagReader) -> Iterator[TickRow]:
+    rows = Rows(reader.config) if reader.has_scenario else None
+    size = len(reader.topics[STATE].codec.fields) // 2 - 2
+    due = 0
+    for tick, messages in reader.ticks():
+        state = _values(reader, tick, STATE, messages)
+        if state is None:
+            continue
+        q, qd, deflection = split_state(state, size)
+        ends = (deflection[0], deflection[1])
+        measured, torque = (_values(reader, tick, topic, messages) for topic in (TIP, COMMAND))
+        due += due == tick and measured is not None and torque is not None
+        point, effort = _pair(measured), _pair(torque)
+        if rows is not None:
+            row = rows.row(tick, np.array(q), np.array(qd), ends, point, effort)
+        else:
+            target = _pair(_values(reader, tick, REFERENCE, messages))
+            time = tick * reader.timeline.period_ns / NS_PER_S
+            row = (time, *q[:2], *qd[:2], *ends, *_NAN * 3, *point, *target, *effort, math.nan)
+        yield TickRow(tick, row, due > tick)
+
+
+def _pair(values: tuple[float, ...] | None) -> tuple[float, float]:
+    return _NAN if values is None else (values[0], values[1])
+
+
+def _values(
+    reader: BagReader, tick: int, topic: int, messages: list[bytes | None]
+) -> tuple[float, ...] | None:
+    data = messages[topic]
+    try:
+        return None if data is None else reader.topics[topic].codec.decode_any(data)[1]
+    except ValueError as error:
+        raise BagContentError(
+            f'{reader.path}: {reader.topics[topic].path}, tick {tick}: {error}'
+        ) from None

@@ -1,0 +1,52 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Options of the commands that read a bag which another recorder wrote."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from flexarm_ros.cli import UsageError
+
+if TYPE_CHECKING:
+    from flexarm_ros.core.parameters import RunConfig
+
+
+def add_bag_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options to a command's parser."""
+    group = parser.add_argument_group('for a bag of `ros2 bag record` or `ros2 bag convert`')
+    group.add_argument(
+        '--scenario', metavar='SCENARIO',
+        help='the scenario that was run: a file or a shipped name; such a bag has none',
+    )  # fmt: skip
+    group.add_argument(
+        '--set', action='append', default=[], dest='overrides', metavar='NODE.KEY=VALUE',
+        help='change a parameter of SCENARIO, as the run did; repeats',
+    )  # fmt: skip
+    group.add_argument(
+        '--namespace', metavar='NS', help='of the run to read where the bag has several'
+    )
+
+
+def given_scenario(args: argparse.Namespace) -> RunConfig | None:
+    """Return the scenario that was given, None if none was; UsageError for --set alone."""
+    from flexarm_ros import scenario
+
+    if args.scenario is not None:
+        return scenario.load(args.scenario, args.overrides)
+    if args.overrides:
+        raise UsageError('--set: needs --scenario')
+    return None
