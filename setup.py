@@ -45,6 +45,7 @@ def shared_files():
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (share, ['package.xml']),
         (f'{share}/config', files('config/*')),
+        (f'{share}/config/rosbag2', files('config/rosbag2/*')),
         (f'{share}/launch', files('launch/*.py')),
         # The executables that `ros2 run` lists. They are data files rather than console scripts
         # because pip puts console scripts into bin only, and `ros2 run` does not look there.

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import csv
+from dataclasses import asdict
 import json
 from pathlib import Path
 import random
@@ -27,9 +28,18 @@ from typing import Literal
 from bagtools import small_config, small_messages, write_small
 from flexarm_ros import scenario
 from flexarm_ros.analysis.report_runs import load_run
+from flexarm_ros.bag import changes
 from flexarm_ros.bag.errors import BagContentError, BagError
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.topics import COMMAND, JOINT_STATES, per_tick_topics, REFERENCE, STATE, TIP
+from flexarm_ros.bag.topics import (
+    COMMAND,
+    JOINT_STATES,
+    per_tick_topics,
+    REFERENCE,
+    STATE,
+    TIP,
+    topics_of,
+)
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.cli import main
 from flexarm_ros.core.parameters import RunConfig
@@ -38,7 +48,9 @@ import numpy as np
 import pytest
 from rosbag2tools import Keep, metadata, Received, received, write_mcap, write_rosbag2, write_split
 from rosbags.rosbag2 import Reader, StoragePlugin
+import yaml
 
+ROOT = Path(__file__).resolve().parent.parent
 CONFIG = small_config('encoder.latency=0.0005', 'tip_sensor.latency=0.0015', duration=0.2)
 TICKS = 200
 TRUTH = small_messages(CONFIG)
@@ -543,3 +555,19 @@ def test_rosbags_convert_there_and_back(own: Path, tmp_path: Path) -> None:
         assert read(tmp_path / name, CONFIG) == expected()
         verdict = verify(tmp_path / name, given=CONFIG)
         assert verdict.same and verdict.ticks == TICKS
+
+
+def test_qos_overrides_for_the_recorder() -> None:
+    """The shipped file names each topic with its own quality of service, in rosbag2's words."""
+    found = yaml.safe_load((ROOT / 'config' / 'rosbag2' / 'qos_overrides.yaml').read_text())
+    qos = {topic.path: topic.qos for topic in topics_of(1, 4)}
+    assert found == {
+        name: asdict(held) for name, held in {**qos, changes.PATH: changes.QOS}.items()
+    }
+    pytest.importorskip('rclpy')
+    from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
+
+    for held in found.values():
+        assert QoSHistoryPolicy.get_from_short_key(held['history'])
+        assert QoSReliabilityPolicy.get_from_short_key(held['reliability'])
+        assert QoSDurabilityPolicy.get_from_short_key(held['durability'])

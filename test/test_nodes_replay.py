@@ -29,6 +29,7 @@ from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.nodes.pace import Pace
 from nodetools import finish, ROOT, wait_for
 import pytest
+from rosbag2tools import received, write_mcap
 
 pytestmark = pytest.mark.nodes
 CONFIG = small_config(duration=0.3, chunk=0.1)
@@ -312,6 +313,70 @@ def test_messages_of_one_tick_go_out_in_the_order_of_the_bag(
     assert status == 0
     expected = [pair for tick in small_messages(CONFIG) for pair in zip(names, tick, strict=True)]
     assert sent == expected
+
+
+@pytest.mark.parametrize('words', [(), ('scenario:=fls_tip', 'set:=duration=0.3')])
+def test_a_bag_of_another_recorder_is_played_by_its_stamps(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    played: Callable[..., tuple[int, str]],
+) -> None:  # fmt: skip
+    """Begun late, without a clock, with the reference in bursts: in order, and with a clock."""
+    from flexarm_ros.nodes.player import PlayerNode
+
+    sent: list[tuple[str, bytes]] = []
+    made = PlayerNode.create_publisher
+
+    def create_publisher(self: PlayerNode, kind: Any, topic: str, *rest: Any, **more: Any) -> Any:
+        publisher = made(self, kind, topic, *rest, **more)
+        if topic in names:
+            monkeypatch.setattr(publisher, 'publish', lambda data: sent.append((topic, data)))
+        return publisher
+
+    names = [topic.name for topic in per_tick_topics(CONFIG)]
+    monkeypatch.setattr(PlayerNode, 'create_publisher', create_publisher)
+    bag = write_mcap(
+        tmp_path / 'x.mcap', list(received(CONFIG, lambda k, t: t > 0 and k >= 100)), chunked=False
+    )
+    status, text = played(f'bag:={bag}', 'rate:=0', 'delay:=0', *words)
+    assert status == 0, text
+    assert 'played 200 ticks' in text
+    assert 'starts at tick 100' in text and 'left out: /chatter' in text
+    truth = small_messages(CONFIG)[100:]
+    assert sent == [pair for tick in truth for pair in zip(names, tick, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ('words', 'status', 'complaint'),
+    [
+        (('without:=controller',), 2, 'a controller needs every tick: starts at tick 100'),
+        (('set:=duration=0.3',), 2, 'set: needs scenario'),
+        (('scenario:=/not/there.yaml',), 2, 'there.yaml: no such file'),
+        (('namespace:=arm',), 2, 'no run in namespace /arm'),
+        (('topics:=reference',), 2, "topics: 'reference' is not in the bag: /clock"),
+        (('start:=0.2999',), 1, 'no tick from 0.2999 s on'),
+    ],
+)
+def test_what_of_another_recorder_s_bag_cannot_be_played(
+    words: tuple[str, ...], status: int, complaint: str, tmp_path: Path,
+    played: Callable[..., tuple[int, str]],
+) -> None:  # fmt: skip
+    messages = received(CONFIG, lambda k, t: 100 <= k < 299)
+    bag = write_mcap(tmp_path / 'x.mcap', [m for m in messages if m.topic != '/reference'])
+    scenario = [] if 'scenario' in words[0] or 'set' in words[0] else ['scenario:=fls_tip']
+    found, text = played(f'bag:={bag}', 'delay:=0', 'rate:=0', *scenario, *words)
+    assert complaint in text
+    assert found == status
+
+
+def test_a_bag_without_a_message_is_an_error(
+    tmp_path: Path, played: Callable[..., tuple[int, str]]
+) -> None:
+    from flexarm_ros.bag.writer import BagWriter
+
+    with BagWriter(tmp_path / 'none', CONFIG):
+        pass
+    status, text = played(f'bag:={tmp_path / "none"}', 'delay:=0', 'rate:=0')
+    assert (status, text.count('no tick from 0 s on')) == (1, 1)
 
 
 def test_a_pace_keeps_time_over_many_ticks(monkeypatch: pytest.MonkeyPatch) -> None:

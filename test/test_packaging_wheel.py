@@ -100,7 +100,7 @@ def test_wheel_carries_what_ros_looks_for(wheel: Path) -> None:
         'share/ament_index/resource_index/packages/flexarm_ros',
         f'{share}/package.xml',
         *(f'{share}/launch/{name}.launch.py' for name in ('run', 'view')),
-        *(f'{share}/config/{path.name}' for path in (ROOT / 'config').iterdir()),
+        *(f'{share}/{path.relative_to(ROOT)}' for path in (ROOT / 'config').rglob('*.*')),
         *(f'lib/flexarm_ros/{name}' for name in EXECUTABLES),
     }
     assert expected == set(data)

@@ -194,7 +194,7 @@ class PlayerNode(Node):
         for tick, messages in self._from_start():
             previous = tick - 1 if previous is None else previous
             if not own:
-                messages[CLOCK] = messages[CLOCK] or self._clock(tick)
+                messages[CLOCK] = messages[CLOCK] or self._clock_message(tick)
             self._pace.wait((tick - previous) * self.timeline.period_ns * 1e-9)
             if self.stopped():
                 return
@@ -210,7 +210,7 @@ class PlayerNode(Node):
         if self.reader.damage is not None:
             raise self.reader.damage
 
-    def _clock(self, tick: int) -> bytes:
+    def _clock_message(self, tick: int) -> bytes:
         return self.reader.topics[CLOCK].codec.encode(self.timeline.stamp_ns(tick))
 
     def _from_start(self) -> Iterator[tuple[int, list[bytes | None]]]:
