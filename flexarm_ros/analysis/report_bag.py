@@ -61,7 +61,9 @@ def read_bag(
     if metrics is None:
         return columns, {'problem': '; '.join(['no scenario', *problems])}, reader.path
     if not problems and metrics.ticks != reader.timeline.ticks:
-        problems.append("the bag does not reach the run's end")
+        problems.append(
+            f'only the first {metrics.ticks} of {reader.timeline.ticks} ticks are complete'
+        )
     summary = summary_of(
         reader.config, metrics.result(), reader.provenance, problem='; '.join(problems)
     )

@@ -105,6 +105,9 @@ def export(
             raise BagError(f'{target}: cannot be written: {error.strerror}') from None
         raise
     notes = [*reader.notes, *reader.gaps]
+    complete = rows.get(f'trajectory.{file_format}', reader.timeline.ticks)
+    if reader.own and complete < reader.timeline.ticks:
+        notes.append(f'trajectory: only the first {complete} of {reader.timeline.ticks} ticks')
     if not reader.has_scenario:
         notes.append('no scenario: no trajectory and no scenario.yaml (give it with --scenario)')
     return Exported(rows, str(reader.damage or ''), tuple(notes), reader.has_scenario)

@@ -193,7 +193,10 @@ class _Survey:
     def _take(self, path: Path, topic: int, data: bytes) -> None:
         form = _BYTE_ORDERS.get(data[:2])
         if form is None or len(data) < 12:
-            raise BagContentError(f'{path}: a message that is no CDR (compressed one by one?)')
+            raise BagContentError(
+                f'{path}: a message that is no CDR; if messages were compressed one by one, '
+                'convert the bag without compression first'
+            )
         sec, nanosec = struct.unpack_from(form, data, 4)
         self.stamps[topic].append(sec * NS_PER_S + nanosec)
         if topic == STATE:
