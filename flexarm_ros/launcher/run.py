@@ -34,10 +34,14 @@ from flexarm_ros.core.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProcesses
+from flexarm_ros.launcher.reports import RunWatch
 
 ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 REPLACEABLE = ('encoder', 'tip_sensor', 'trajectory', 'controller')
 """Roles whose place a node of the user's can take."""
+
+VERDICT_S = 0.3
+"""Wall time after the first failure in which a verdict nearer to the cause may come in."""
 
 LEAVING_S = 5.0
 """Wall time without any progress in which a node must leave once the plant has."""
@@ -103,15 +107,21 @@ def run_scenario(
         prepare_directory(directory, config, name)
         announce(f'ROS_DOMAIN_ID={domain}')
         commands = _commands(config, name, directory, options, faults)
-        outcome = Outcome(directory)
         environment, logs = _environment(domain, options), directory / 'logs'
         with NodeProcesses(
             commands, environment, logs, options.nodes,
             scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
         ) as nodes:  # fmt: skip
-            outcome.interrupted = _supervise(nodes, config, watch, stop, faults)
-            outcome.problem = nodes.blame(outcome.interrupted)
-            report = nodes.report
+            interrupted = _supervise(nodes, config, watch, stop, faults)
+    return finish(directory, config, name, nodes, interrupted)
+
+
+def finish(
+    directory: Path, config: RunConfig, name: str, nodes: RunWatch, interrupted: bool
+) -> Outcome:
+    """Write what is left to write when all nodes have ended; return how the run went."""
+    outcome = Outcome(directory, problem=nodes.blame(interrupted), interrupted=interrupted)
+    report = nodes.report
     started, ended = report.started_at, report.ended_at
     wall_s = ended - started if started is not None and ended is not None else None
     if report.unstable:
@@ -140,39 +150,49 @@ def _commands(
     config: RunConfig, name: str, directory: Path, options: RunOptions, faults: FaultPlan | None
 ) -> dict[str, list[str]]:
     """Write the normalised scenario and return the command line of each process."""
-    torques = directory / 'torques.csv'
+    shared = ['--params-file', str(write_resolved(directory, config))]
+    own = own_arguments(directory, name, options.rtf, faults.ticks if faults is not None else ())
+    roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
+    if options.compose:
+        every = [word for role in roles for word in own.get(role, [])]
+        return {'compose': node_command('compose', shared + every, roles)}
+    return {role: node_command(role, shared + own.get(role, [])) for role in roles}
+
+
+def write_resolved(directory: Path, config: RunConfig) -> Path:
+    """Write every parameter of the run as a file that the nodes read; return its path."""
+    torques = (directory / 'torques.csv').resolve()
     if config.torques:
         torques.write_text(scenario.write_torques(config.torques), encoding='utf-8')
     resolved = _resolved(directory)
     resolved.write_text(
-        scenario.dump(config, str(torques.resolve()) if config.torques else None), encoding='utf-8'
+        scenario.dump(config, str(torques) if config.torques else None), encoding='utf-8'
     )
-    arguments = ['--params-file', str(resolved)]
-    pace = [f'plant:real_time_factor:={_number(options.rtf)}'] if options.rtf else []
-    if faults is not None and faults.ticks:
-        pace.append("plant:hold_at:='" + ','.join(map(str, faults.ticks)) + "'")
-    own = {
-        'plant': pace,
-        'recorder': [
-            f'recorder:output:={quoted(str(directory.resolve()))}',
-            f'recorder:name:={quoted(name)}',
-        ],
-    }
-    roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
-    if options.compose:
-        every = [value for role in roles for value in own.get(role, [])]
-        return {'compose': node_command('compose', arguments + _overrides(every), roles)}
-    return {role: node_command(role, arguments + _overrides(own.get(role, []))) for role in roles}
+    return resolved
+
+
+def own_arguments(
+    directory: Path, name: str, rtf: float = 0.0, hold_at: Sequence[int] = ()
+) -> dict[str, list[str]]:
+    """Return the ROS arguments of those nodes that have parameters beside the scenario's."""
+    pace = [f'plant:real_time_factor:={_number(rtf)}'] if rtf else []
+    if hold_at:
+        pace.append("plant:hold_at:='" + ','.join(map(str, hold_at)) + "'")
+    record = [
+        f'recorder:output:={quoted(str(directory.resolve()))}',
+        f'recorder:name:={quoted(name)}',
+    ]
+    return {'plant': _overrides(pace), 'recorder': _overrides(record)}
 
 
 def _resolved(directory: Path) -> Path:
-    """Return the file with every parameter of the run, as the nodes read it."""
     return (directory / 'scenario.yaml').resolve()
 
 
 def quoted(text: str) -> str:
     """Return ``text`` as YAML that is a string whatever is in it, for ``-p NAME:=VALUE``."""
-    return json.dumps(text)
+    # rcl's YAML refuses JSON's pairs of surrogates.
+    return f'"{"".join(c if c > chr(0xFFFF) else json.dumps(c)[1:-1] for c in text)}"'
 
 
 def _number(value: float) -> str:
@@ -213,9 +233,9 @@ def _supervise(
             nodes.interrupt_run()
             nodes.end(config.run.tick_timeout)
             return True
-        if nodes.deaths or nodes.report.failures:
-            nodes.poll(0.3)  # a verdict nearer to the cause may be on its way
-            if not nodes.deaths and not nodes.report.failures:
+        if nodes.failing:
+            nodes.poll(VERDICT_S)
+            if not nodes.failing:
                 continue
             nodes.interrupt_run(times=2)
             nodes.end(max(END_GRACE_S, config.run.tick_timeout))

@@ -15,10 +15,11 @@
 """
 The line to the launcher: reports go up a pipe, its end means that it is gone.
 
-A node that `flexarm run` starts inherits two pipe ends, named in the
-environment: it writes one JSON object a line to the first, and the second is
-never written to: it reads as finished when the launcher, however it ended, is
-no more.  A node started by hand has neither and reports to nobody.
+The environment of a node names two pipe ends: it writes one JSON object a line to
+the first, and the second is never written to: it reads as finished when the
+launcher, however it ended, is no more.  They are descriptors that a node inherits
+from `flexarm run`, and paths to open under `ros2 launch`, which passes no
+descriptors on.  A node started by hand has neither and sends no reports.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ class Supervisor:
     """A node's end of the pipes to the launcher."""
 
     def __init__(self) -> None:
-        self._report = _descriptor(REPORT_FD)
-        self._alive = _descriptor(ALIVE_FD)
+        self._report = _descriptor(REPORT_FD, os.O_WRONLY)
+        self._alive = _descriptor(ALIVE_FD, os.O_RDONLY)
 
     @property
     def present(self) -> bool:
@@ -76,11 +77,12 @@ class Supervisor:
                 self._report = None
 
 
-def _descriptor(name: str) -> int | None:
+def _descriptor(name: str, mode: int) -> int | None:
+    """Return the descriptor that the variable ``name`` tells, None if there is no such."""
     text = os.environ.get(name, '')
-    if not text.isdigit():
-        return None
     try:
+        if not text.isdigit():
+            return os.open(text, mode | os.O_NONBLOCK)
         os.fstat(int(text))
     except OSError:
         return None

@@ -1,0 +1,199 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the nodes of a run tell the launcher, how they end, and which of them is to blame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import contextlib
+from dataclasses import dataclass, field
+import json
+import os
+from pathlib import Path
+import signal
+import time
+from typing import Any
+
+from flexarm_ros.nodes.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
+
+
+@dataclass
+class Report:
+    """What the nodes have reported so far."""
+
+    tick: int = 0
+    held: int = 0
+    """Tick before which the plant was last told to hold."""
+    directory: str = ''
+    started_at: float | None = None
+    ended_at: float | None = None
+    held_at: int | None = None
+    unstable: str = ''
+    unstable_tick: int = -1
+    failures: list[dict[str, Any]] = field(default_factory=list)
+    heard: set[str] = field(default_factory=set)
+    """Roles that have reported anything."""
+    done: set[str] = field(default_factory=set)
+
+    def take(self, line: dict[str, Any]) -> None:
+        """Add one line of a node."""
+        phase, role = line.get('phase'), line.get('role', '')
+        self.heard.add(role)
+        if role == 'recorder' and 'tick' in line:
+            self.tick, self.ended_at = int(line['tick']), float(line['at'])
+        if role == 'plant' and phase == 'running':
+            self.started_at = float(line['at'])
+        if phase == 'held':
+            self.held_at = self.held = int(line['tick'])
+        if phase == 'unstable':
+            self.unstable, self.unstable_tick = line['text'], int(line['tick'])
+        if phase == 'failed':
+            self.failures.append(line)
+        if phase == 'done':
+            self.done.add(role)
+
+
+class RunWatch:
+    """
+    The launcher's ends of the pipes to the nodes of one run, and a record of what they report.
+
+    The environment of a node names its ends: as descriptors that it inherits (``environment``,
+    ``inherited``), or as paths (``environment_by_path``) under a launcher that passes none on.
+    ``logs`` is where each node's output is, as NAME.log; ``foreign`` names the external nodes.
+    """
+
+    def __init__(self, logs: Path, foreign: Iterable[str] = ()) -> None:
+        self.report = Report()
+        self.foreign = frozenset(foreign)
+        self.deaths: list[tuple[str, int]] = []
+        self._logs = logs
+        self.ending = False
+        self._heard = 0
+        """Number of failure reports before the shutdown; later ones may be caused by it."""
+        self._buffer = b''
+        self.incoming, self._write = os.pipe()
+        self._alive_read, self._alive = os.pipe()
+        self._open = {self.incoming, self._write, self._alive_read, self._alive}
+        os.set_blocking(self.incoming, False)
+        os.set_blocking(self._write, False)  # a launcher that is stopped must not stop the nodes
+
+    @property
+    def inherited(self) -> tuple[int, int]:
+        """Descriptors that a node process inherits."""
+        return self._write, self._alive_read
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Variables for a process that inherits the descriptors."""
+        return {REPORT_FD: str(self._write), ALIVE_FD: str(self._alive_read)}
+
+    @property
+    def environment_by_path(self) -> dict[str, str]:
+        """Variables for a process that does not; valid until `close`, on Linux."""
+        folder = f'/proc/{os.getpid()}/fd'
+        return {name: f'{folder}/{number}' for name, number in self.environment.items()}
+
+    def close(self, *descriptors: int) -> None:
+        """Close these ends of the pipes, or all: a node then takes its launcher as gone."""
+        for descriptor in descriptors or tuple(self._open):
+            self._open.remove(descriptor)
+            os.close(descriptor)
+
+    def take_reports(self) -> None:
+        """Take what the nodes have reported."""
+        while True:
+            try:
+                data = os.read(self.incoming, 65536)
+            except BlockingIOError:
+                break
+            if not data:
+                time.sleep(0.01)  # every writer has gone: select would return at once
+                break
+            self._buffer += data
+        *lines, self._buffer = self._buffer.split(b'\n')
+        for line in lines:
+            with contextlib.suppress(ValueError, KeyError, TypeError):
+                self.report.take(json.loads(line))
+
+    def ended(self, name: str, status: int) -> None:
+        """Take the end of a process, with the exit status as `subprocess` has it."""
+        self.take_reports()
+        told = {line['role'] for line in self.report.failures} | self.report.done
+        expected = bool(told) if name == 'compose' else self.ending or name in told
+        if not expected:
+            self.deaths.append((name, status))
+
+    def forgive(self) -> None:
+        """Forget deaths of external nodes behind the last tick: they need not wait for the end."""
+        if 'plant' in self.report.done and not self.ending:
+            self.deaths = [death for death in self.deaths if death[0] not in self.foreign]
+
+    @property
+    def failing(self) -> bool:
+        """Whether a node has died or has said that the run failed."""
+        return bool(self.deaths or self.report.failures)
+
+    def breaking_off(self) -> None:
+        """Note that the run is about to be broken off: what follows is caused by that."""
+        self.ending = True
+        self._heard = self._heard or len(self.report.failures)
+
+    def blame(self, interrupted: bool = False) -> str:
+        """
+        Return one line naming the node that ended the run, the tick and why; empty if none did.
+
+        The nodes of a run that the user ``interrupted`` report that too; it is not a failure.
+        """
+        if self.deaths:
+            return self._obituary(*self.deaths[0])
+        heard = self.report.failures[: self._heard or None]
+        if interrupted:
+            heard = [line for line in heard if not line['text'].startswith(INTERRUPTED)]
+        verdicts = [line for line in heard if line.get('blame')]
+        if verdicts:
+            # A node that reports another one is not silent itself.
+            speaking = {line['role'] for line in verdicts if line['blame'] != line['role']}
+            silent = [line for line in verdicts if line['blame'] not in speaking]
+            first = min(silent or verdicts, key=_nearness)
+            return f'{first["blame"]}: {first["text"]}'
+        if heard:
+            return f'{heard[0]["role"]}: {heard[0]["text"]}'
+        return INTERRUPTED if interrupted else ''
+
+    def _obituary(self, name: str, status: int) -> str:
+        """Say when and how a node ended that should not have."""
+        begun = self.report.started_at is not None
+        tick = max(self.report.tick, self.report.held)  # the recorder reports late
+        when = f'tick {tick}: ended' if begun else 'start: ended'
+        if status < 0:
+            return f'{name}: {when}, killed by {signal.Signals(-status).name}'
+        return f'{name}: {when} with exit status {status}{self._last_words(name)}'
+
+    def _last_words(self, name: str) -> str:
+        """Return the last line of a node's log, where there is one."""
+        try:
+            with open(self._logs / f'{name}.log', 'rb') as log:
+                log.seek(max(0, os.fstat(log.fileno()).st_size - 2000))
+                lines = log.read().decode(errors='replace').split('\n')
+        except OSError:
+            return ''
+        said = [line.strip() for line in lines if line.strip()]
+        return f': {said[-1][:300]}' if said else ''
+
+
+def _nearness(line: dict[str, Any]) -> int:
+    """Order verdicts: the controller knows its sensors, the plant the controller."""
+    order = ('controller', 'plant', 'recorder', 'trajectory', 'encoder', 'tip_sensor')
+    return order.index(line['role']) if line['role'] in order else len(order)
