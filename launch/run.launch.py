@@ -15,86 +15,95 @@
 """
 Fly a scenario: ``ros2 launch flexarm_ros run.launch.py scenario:=fls_tip``.
 
-The same nodes as `flexarm run` starts, under launch's supervision instead: in lock-step, recorded
-below ``runs`` in the working directory.  The first node that fails ends the launch.
+The same nodes, progress, metrics and files as `flexarm run`, in the ROS_DOMAIN_ID of the
+environment, under launch's supervision: the nodes can be remapped, and the file included in
+another.  A run that fails, is unstable or is interrupted shuts the launch down with one line that
+says why, and `ros2 launch` ends with status 1.
 """
 
-from pathlib import Path
-import tempfile
+import asyncio
 
-from flexarm_ros import scenario
-from flexarm_ros.core.warmup import warm_up
-from launch import LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    EmitEvent,
-    OpaqueFunction,
-    RegisterEventHandler,
-)
-from launch.event_handlers import OnProcessExit, OnShutdown
+from flexarm_ros.bag.errors import BagError
+from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.launched import ARGUMENTS, LaunchedRun
+from flexarm_ros.launcher.run import ROLES, VERDICT_S
+from flexarm_ros.scenario import ScenarioError
+from launch import Action, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
-ARGUMENTS = {
-    'scenario': ('fls_tip', 'a parameter file, or the name of a shipped scenario'),
-    'out': ('', 'directory of the run, new or empty; left out: runs/SCENARIO'),
-    'namespace': ('', 'namespace of all nodes and topics'),
-    'rtf': ('0.0', 'hold the run to so many times real time; 0.0: as fast as it goes'),
-}
+LOOK_S = 0.05
 
 
-def stop_on_failure(event, context):
-    """Return what to do when a node has ended: nothing, unless it failed."""
-    if event.returncode == 0 or context.is_shutdown:
-        return None
-    return EmitEvent(event=Shutdown(reason=f'{event.process_name} exited {event.returncode}'))
+class Watch(Action):
+    """Follows a run till all its nodes have ended, then finishes its files."""
+
+    def __init__(self, run, nodes):
+        super().__init__()
+        self._run, self._nodes = run, nodes
+        self._task = None
+
+    def execute(self, context):
+        """Begin to watch; the nodes have been started."""
+        self._task = context.asyncio_loop.create_task(self._watch(context))
+
+    def get_asyncio_future(self):
+        """Return what launch waits for before it ends."""
+        return self._task
+
+    async def _watch(self, context):
+        run = self._run
+        interrupted = await self._until_all_have_ended(context)
+        problem = await asyncio.to_thread(run.finish, interrupted)
+        if not problem:
+            return
+        # Launch has no action that sets its exit status; an error of its event loop makes it 1.
+        message = f'{run.name}: the run failed: {problem}'
+        context.asyncio_loop.call_exception_handler({'message': message})
+        if not context.is_shutdown:
+            await context.emit_event(Shutdown(reason=problem))
+
+    async def _until_all_have_ended(self, context):
+        """Return whether the run was shut down from outside."""
+        run = self._run
+        running = {role: node.get_asyncio_future() for role, node in self._nodes.items()}
+        while running:
+            await asyncio.wait(running.values(), timeout=LOOK_S)
+            run.look()
+            for role in [role for role, future in running.items() if future.done()]:
+                del running[role]
+                if not context.is_shutdown:
+                    run.nodes.ended(role, self._nodes[role].return_code)
+            if run.nodes.failing and not context.is_shutdown:
+                await asyncio.sleep(VERDICT_S)
+                run.look()
+                run.nodes.breaking_off()
+                await context.emit_event(Shutdown(reason=run.nodes.blame()))
+        return context.is_shutdown and not run.nodes.ending
 
 
 def start_nodes(context):
     """Return the actions that start the nodes, once the arguments are known."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    config = scenario.load(given['scenario'], [])
-    # The nodes get the scenario with every default written out, in YAML that rcl reads as well.
-    folder = tempfile.TemporaryDirectory(prefix='flexarm_ros-')
-    torques = Path(folder.name) / 'torques.csv'
-    if config.torques:
-        torques.write_text(scenario.write_torques(config.torques), encoding='utf-8')
-    resolved = Path(folder.name) / 'scenario.yaml'
-    text = scenario.dump(config, str(torques) if config.torques else None)
-    resolved.write_text(text, encoding='utf-8')
-
-    warm_up(config)  # once, not in every process at once
-
-    own = {
-        'plant': [f'real_time_factor:={float(given["rtf"])}'],
-        'recorder': [f'name:={Path(given["scenario"]).stem}'],
-    }
-    if given['out']:
-        own['recorder'].append(f'output:={given["out"]}')
-    nodes = [
-        Node(
+    try:
+        run = LaunchedRun(given)
+    except (ScenarioError, UsageError, BagError, OSError) as error:
+        raise RuntimeError(str(error)) from None
+    nodes = {
+        role: Node(
             package='flexarm_ros',
             executable=role,
             name=role,
             namespace=given['namespace'],
-            ros_arguments=[
-                *('--params-file', str(resolved)),
-                *(word for value in own.get(role, []) for word in ('-p', value)),
-            ],
+            ros_arguments=run.ros_arguments(role),
+            additional_env=run.nodes.environment_by_path,
             output='screen',
         )
         for role in ROLES
-    ]
-    return [
-        *nodes,
-        *(
-            RegisterEventHandler(OnProcessExit(target_action=n, on_exit=stop_on_failure))
-            for n in nodes
-        ),
-        RegisterEventHandler(OnShutdown(on_shutdown=lambda event, context: folder.cleanup())),
-    ]
+    }
+    return [*nodes.values(), Watch(run, nodes)]
 
 
 def generate_launch_description():

@@ -16,6 +16,7 @@
 Show a run that goes on: ``ros2 launch flexarm_ros view.launch.py``.
 
 The viewer (markers, URDF, TF, WebSocket server) and RViz, both on simulated time where it matters.
+Where the viewer fails (a bad argument, a port in use) the launch ends, with status 1.
 """
 
 from importlib.resources import files
@@ -36,6 +37,12 @@ ARGUMENTS = {
 }
 
 
+def viewer_ended(event, context):
+    """Fail the launch if the viewer has failed."""
+    if event.returncode and not context.is_shutdown:
+        raise RuntimeError(f'{event.process_name}: exit status {event.returncode}')
+
+
 def generate_launch_description():
     """Return the launch description."""
     given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
@@ -46,6 +53,7 @@ def generate_launch_description():
         namespace=given['namespace'],
         ros_arguments=['-p', ['port:=', given['port']], '-p', ['rate:=', given['rate']]],
         output='screen',
+        on_exit=viewer_ended,
     )
     # Relative names in RViz's file would follow the namespace; it has absolute ones.
     names = ('viewer/markers', 'robot_description')
@@ -62,4 +70,5 @@ def generate_launch_description():
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in ARGUMENTS.items()
     ]
-    return LaunchDescription([*arguments, viewer, rviz])
+    # RViz first: where it is not installed, launch ends before it has started the viewer.
+    return LaunchDescription([*arguments, rviz, viewer])

@@ -36,20 +36,23 @@ _METRICS = (
 )
 
 
-def new_directory(out: Path | None, name: str, below: Path = Path('runs')) -> Path:
+def new_directory(
+    out: Path | None, name: str, below: Path = Path('runs'), option: str = '--out '
+) -> Path:
     """
     Return a directory for a new run: ``out``, or ``runs/NAME``, ``runs/NAME-2``, ...
 
     A default one is made at once, so that two runs started together do not take the same.
-    Raises UsageError if ``out`` is there already with something in it.
+    Raises UsageError, which begins with the ``option``, if ``out`` has something in it already.
     """
     if out is not None:
         try:
+            str(out.absolute()).encode()  # ROS parameters are UTF-8
             taken = out.exists() and (not out.is_dir() or any(out.iterdir()))
         except (OSError, ValueError) as error:
-            raise UsageError(f'--out {clip(str(out), 200)}: {error}') from None
+            raise UsageError(f'{option}{clip(str(out), 200)}: {error}') from None
         if taken:
-            raise UsageError(f'--out {clip(str(out), 200)}: exists already, not overwritten')
+            raise UsageError(f'{option}{clip(str(out), 200)}: exists already, not overwritten')
         return out
     number = 1
     while True:

@@ -102,6 +102,7 @@ class Progress(_Shown):
         if self._start is None:
             if ticks > 0:
                 self._start, self._first = now, ticks
+                self._last_line = now  # no rate is known before
             return
         wall = now - self._start
         factor = (ticks - self._first) * self._period / wall if wall > 0.0 else 0.0

@@ -1,0 +1,131 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A run whose nodes `ros2 launch` starts: arguments, progress, the table at the end.
+
+``launch/run.launch.py`` is the other half, which imports launch; nothing here does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import os
+from pathlib import Path
+import shlex
+import sys
+from typing import NamedTuple
+
+from flexarm_ros import scenario
+from flexarm_ros.bag.errors import BagError
+from flexarm_ros.bag.recording import prepare_directory
+from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.output import new_directory, show_outcome
+from flexarm_ros.cli.progress import Progress
+from flexarm_ros.core.warmup import warm_up
+from flexarm_ros.launcher.reports import RunWatch
+from flexarm_ros.launcher.run import finish, own_arguments, write_resolved
+
+
+class Argument(NamedTuple):
+    """A launch argument."""
+
+    default: str
+    description: str
+
+
+ARGUMENTS = {
+    'scenario': Argument(
+        'fls_tip',
+        'a parameter file, or the name of a shipped scenario; `ros2 launch` ends with status 1 '
+        'if its run fails, is unstable or is interrupted',
+    ),
+    'set': Argument(
+        '',
+        'parameters to override, as `flexarm run --set` takes them, separated by spaces: '
+        'set:="plant.payload_mass=1 controller.kp=80"; quote a value that has spaces once more',
+    ),
+    'out': Argument('', 'directory of the run, new or empty; empty: a new one, runs/SCENARIO'),
+    'namespace': Argument('', 'namespace of all nodes and topics'),
+    'rtf': Argument('0.0', 'hold the run to this multiple of real time; 0.0: no limit'),
+}
+"""Name -> default and description of the arguments of ``run.launch.py``."""
+
+
+class LaunchedRun:
+    """
+    A run that is ready to be started, then watched.
+
+    ``given`` has a text for each of `ARGUMENTS`.  Raises ScenarioError, UsageError, BagError or
+    OSError, in one line, where they cannot be used: nothing has been started then.
+    """
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        self.config = scenario.load(given['scenario'], split_overrides(given['set']))
+        rtf = read_rtf(given['rtf'])
+        self.name = Path(given['scenario']).stem
+        # The shell leaves a tilde behind := as it is.
+        out = Path(os.path.expanduser(given['out'])) if given['out'] else None
+        self.directory = new_directory(out, self.name, option='out:=')
+        prepare_directory(self.directory, self.config, self.name)
+        self.nodes = RunWatch(self.directory / 'logs')
+        self._scenario = write_resolved(self.directory, self.config)
+        self._own = own_arguments(self.directory, self.name, rtf)
+        self._progress = Progress(self.config, self.name)
+        self._total = round(self.config.run.duration / self.config.run.control_period)
+        warm_up(self.config)  # once, not in every process at once
+
+    def ros_arguments(self, role: str) -> list[str]:
+        """Return what follows ``--ros-args`` for the node ``role``."""
+        return ['--params-file', str(self._scenario), *self._own.get(role, [])]
+
+    def look(self) -> None:
+        """Take the reports of the nodes and show the progress; to be called often."""
+        self.nodes.take_reports()
+        if not self.nodes.ending:
+            self._progress.update(self.nodes.report.tick, self._total)
+
+    def finish(self, interrupted: bool) -> str:
+        """
+        Write the files of a run whose nodes have all ended, and print the metrics.
+
+        Returns one line that says why it failed, empty where it did not.
+        """
+        self.nodes.close()
+        try:
+            outcome = finish(self.directory, self.config, self.name, self.nodes, interrupted)
+        except (BagError, OSError) as error:
+            return str(error)
+        show_outcome(self.directory, outcome.summary)
+        sys.stdout.flush()
+        return outcome.problem
+
+
+def split_overrides(text: str) -> list[str]:
+    """Return the assignments in ``text``, split as a shell does; UsageError where it cannot."""
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise UsageError(f'set:={text}: {str(error).lower()}') from None
+
+
+def read_rtf(text: str) -> float:
+    """Return a multiple of real time; UsageError for anything but a number from 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1e6:
+        raise UsageError(f'rtf:={text}: not a number from 0 to 1e6')
+    return value
