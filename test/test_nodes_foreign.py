@@ -17,11 +17,12 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 import subprocess
 import sys
 
-from nodetools import finish, flexarm, ROOT, start_node, write_scenario
+from nodetools import Asker, finish, flexarm, ROOT, start_node, wait_for, write_scenario
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -56,6 +57,88 @@ def test_the_example_controller_flies_in_lockstep(tmp_path: Path, ros_domain: in
         -3 * 3.141592653589793 / 4 - 0.14 - float(cell['theta1'])
     )
     assert json.loads((out / 'summary.json').read_text())['stable'] is True
+
+
+NAMED = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import minimal_controller, rclpy
+from sensor_msgs.msg import JointState
+
+class Named(minimal_controller.MinimalController):
+    def __init__(self):
+        super().__init__()
+        self.real, self.torque = self.torque, self
+
+    def publish(self, command):  # what the example would send
+        names = sys.argv[2].split()
+        told = dict(zip(command.name, command.effort))
+        out = JointState(header=command.header, name=names)
+        out.effort = [told.get(name, 1e9) for name in names]
+        self.real.publish(out)
+
+rclpy.init()
+try:
+    rclpy.spin(Named())
+except BaseException:
+    pass
+"""
+"""The example, which sends its torques under the names of the second argument."""
+
+
+def test_torques_go_by_name(tmp_path: Path, ros_domain: int) -> None:
+    (tmp_path / 'named.py').write_text(NAMED)
+    out, names = tmp_path / 'run', "'elbow gripper shoulder'"
+    command = f'{sys.executable} {tmp_path / "named.py"} {EXAMPLE.parent} {names}'
+    done = flexarm('run', 'pd_collocated', '--node', f'controller={command}', '--set',
+                   'duration=0.1', '--no-pictures', '--out', out)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    header, first, *_ = (out / 'trajectory.csv').read_text().splitlines()
+    cell = dict(zip(header.split(','), map(float, first.split(',')), strict=True))
+    assert cell['tau1'] == 2000.0 * (-3 * math.pi / 4 - 0.14 - cell['theta1'])
+    assert cell['tau2'] == 600.0 * (0.28 - cell['theta2'])
+
+
+SLOW = """
+import sys, time
+sys.path.insert(0, sys.argv[1])
+import minimal_controller, rclpy
+
+class Slow(minimal_controller.MinimalController):
+    def answer(self, state):
+        time.sleep(0.4)
+        super().answer(state)
+
+rclpy.init()
+try:
+    rclpy.spin(Slow())
+except BaseException:
+    pass
+"""
+
+
+def test_a_reset_waits_for_the_answer_of_an_external_node(
+    tmp_path: Path, ros_domain: int, rclpy_node
+) -> None:
+    from std_srvs.srv import Trigger
+
+    (tmp_path / 'slow.py').write_text(SLOW)
+    out, asker = tmp_path / 'run', Asker(*rclpy_node)
+    run = subprocess.Popen(
+        [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'pd_collocated', '--out', str(out),
+         '--set', 'duration=0.01', '--no-pictures', '--node',
+         f"controller={sys.executable} {tmp_path / 'slow.py'} {EXAMPLE.parent}"],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    try:
+        wait_for(lambda: asker.state().startswith('running at tick 2'), 90, 'tick 2 is out')
+        answer = asker.call(Trigger, '/plant/reset')
+        assert answer.success, answer.message
+    finally:
+        (text,) = finish([run])
+    assert run.returncode == 0, text
+    assert (out / 'bag-before-reset-1' / 'metadata.yaml').exists()
+    assert len((out / 'trajectory.csv').read_text().splitlines()) == 11
 
 
 def test_the_protocol_page_shows_the_example_that_is_tested() -> None:

@@ -59,6 +59,7 @@ class RunControl:
         self._steps = 0
         self.orders = 0
         """How often somebody has paused, resumed or reset the run."""
+        self._reset_asked = False
         self.reset_wanted = False
         self.rtf = float(plant.get_parameter('real_time_factor').value or 0.0)
         self._anchor = (0.0, 0)
@@ -77,6 +78,12 @@ class RunControl:
 
     def may_begin(self, tick: int) -> bool:
         """Whether ``tick`` may go out now: not paused, and due by the speed asked for."""
+        if self._reset_asked:
+            # The tick before is answered: no message of an external node is on its way any more.
+            self.reset_wanted = True
+            self._reset_asked = False
+        if self.reset_wanted:
+            return False
         if self.paused:
             with self._lock:
                 self._resting = not self._steps
@@ -132,12 +139,10 @@ class RunControl:
         if not self.going:
             return f'no run goes on ({plant.board.mine.phase.value})'
         self.orders += 1
-        self.reset_wanted = True
-        return (
-            ''
-            if self._wait(lambda: not self.reset_wanted and self.going)
-            else (f'not done within {WAIT_S:g} s, or the run has ended')
-        )
+        self._reset_asked = True
+        if self._wait(lambda: not (self._reset_asked or self.reset_wanted) and self.going):
+            return ''
+        return f'not done within {WAIT_S:g} s, or the run has ended'
 
     def _wait(self, done: Callable[[], bool]) -> bool:
         """Wait on the services' thread, while the run goes on, until ``done``."""
