@@ -131,6 +131,9 @@ def test_foreign_layouts() -> None:
         codec.decode(foreign)
     assert codec.decode_any(foreign) == (7_000_000_001, (1.5, -2.5))
     assert codec.decode_any(foreign + b'\xff' * 8) == (7_000_000_001, (1.5, -2.5))
+    nameless = JointStateCodec((), 'base').encode(7_000_000_001)
+    with pytest.raises(ValueError, match=r"JointState names \[\]: 'shoulder' needed once"):
+        codec.decode_any(nameless)
     store = typestore()
     message = store.deserialize_cdr(foreign, codec.type_name)
     big = bytes(store.serialize_cdr(message, codec.type_name, little_endian=False))
