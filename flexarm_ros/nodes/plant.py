@@ -23,10 +23,10 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.nodes.parameters import Own
+from flexarm_ros.nodes.own_parameters import OWN, Own
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
-from flexarm_ros.nodes.run_control import FASTEST, MOST_STEPS, RunControl
+from flexarm_ros.nodes.run_control import RunControl
 from flexarm_ros.nodes.status import Phase
 
 RECORDER_WINDOW = 256
@@ -46,19 +46,7 @@ class PlantNode(Participant):
     """Publishes ``/clock`` and the state of tick k, waits for its torque, integrates."""
 
     ROLE: ClassVar[str] = 'plant'
-    OWN_PARAMETERS: ClassVar[dict[str, Own]] = {
-        'real_time_factor': Own(
-            0.0, 'hold the run to this multiple of real time; 0: free to run', high=FASTEST,
-            live=True,
-        ),
-        'step_ticks': Own(
-            1, 'ticks that the service ~/step lets a paused run do', low=1, high=MOST_STEPS,
-            live=True,
-        ),
-        'hold_at': Own(
-            '', 'ticks, comma separated, before which the launcher has something to do'
-        ),
-    }  # fmt: skip
+    OWN_PARAMETERS: ClassVar[dict[str, Own]] = OWN['plant']
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)

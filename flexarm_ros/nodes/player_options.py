@@ -20,36 +20,10 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from flexarm_ros.nodes.parameters import assignments, OF_ROS, Own
-from rcl_interfaces.msg import ParameterDescriptor
+from flexarm_ros.nodes.own_parameters import FASTEST, OWN
+from flexarm_ros.nodes.parameters import declare_own
+from flexarm_ros.scenario import ScenarioError
 from rclpy.node import Node
-
-MOST = 1e6
-"""Largest value of a parameter that is a number."""
-
-PARAMETERS = {
-    'bag': Own('', 'the run: its directory, or the bag in it'),
-    'rate': Own(
-        1.0, 'multiple of real time; 0: as fast as it goes; may change while playing', high=MOST,
-        live=True,
-    ),
-    'start': Own(0.0, 'simulated time to start from', 's', high=MOST),
-    'loop': Own(False, 'start again at the end'),
-    'paused': Own(False, 'wait for the service ~/resume or ~/play_next before the first tick'),
-    'topics': Own('', 'topics to publish beside /clock, comma separated; empty: all'),
-    'without': Own(
-        '', 'controller: leave the torque to another node, in lock-step; empty: play it too'
-    ),
-    'delay': Own(
-        1.0, 'wall time to wait for subscribers before the first message', 's', high=MOST
-    ),
-    'tick_timeout': Own(
-        5.0, 'wall time that the controller may take to answer a tick', 's', high=MOST
-    ),
-    'scenario': Own('', 'the scenario of a bag that has none: a file or a shipped name'),
-    'set': Own('', 'changes of parameters of `scenario`, NODE.KEY=VALUE, separated by semicolons'),
-    'namespace': Own('', "the run's namespace in a bag of another recorder; empty: the only one"),
-}  # fmt: skip
 
 
 class PlayerError(Exception):
@@ -58,7 +32,7 @@ class PlayerError(Exception):
 
 @dataclass(frozen=True)
 class PlayerOptions:
-    """What the player is to do; see `PARAMETERS` for the fields."""
+    """What the player is to do; see `OWN` for the fields."""
 
     bag: str
     rate: float
@@ -80,18 +54,11 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
 
     Integers are taken where a number is due.  Raises PlayerError, one line.
     """
-    for name, _ in assignments(argv, node.get_name()):
-        if name not in PARAMETERS and not name.startswith(OF_ROS):
-            raise PlayerError(f"unknown parameter '{name}' (allowed: {', '.join(PARAMETERS)})")
-    values: dict[str, Any] = {}
-    for name, own in PARAMETERS.items():
-        descriptor = own.describe()
-        descriptor.dynamic_typing = True  # rcl tells 2 from 2.0; the user need not
-        # Limits only after the check: rclpy's own words for a value outside name no parameter.
-        free = ParameterDescriptor(dynamic_typing=True)
-        value = node.declare_parameter(name, own.default, free).value
-        values[name] = _checked(name, value, own.default)
-        node.set_descriptor(name, descriptor)
+    try:
+        values = declare_own(node, 'player', OWN['player'], argv, flies=False)
+    except ScenarioError as error:
+        raise PlayerError(str(error)) from None
+    node.describe_parameter('rate').dynamic_typing = True  # set: an integer will do, see `number`
     values['topics'] = _split(values['topics'], ',')
     values['set'] = _split(values['set'], ';')
     options = PlayerOptions(**values)
@@ -111,17 +78,8 @@ def _split(text: str, separator: str) -> tuple[str, ...]:
 
 
 def number(name: str, value: Any) -> float:
-    """Return a parameter that is a number from 0 to `MOST`; PlayerError if it is none."""
+    """Return a parameter that is a number from 0 to `FASTEST`; PlayerError if it is none."""
     fits = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not fits or not math.isfinite(value) or not 0.0 <= value <= MOST:
-        raise PlayerError(f'{name}: {value!r} is not allowed: a number from 0 to {MOST:g}')
+    if not fits or not math.isfinite(value) or not 0.0 <= value <= FASTEST:
+        raise PlayerError(f'{name}: {value!r} is not allowed: a number from 0 to {FASTEST:g}')
     return float(value)
-
-
-def _checked(name: str, value: Any, default: Any) -> Any:
-    if isinstance(default, float):
-        return number(name, value)
-    if not isinstance(value, type(default)):
-        kind = 'true or false' if isinstance(default, bool) else 'a text'
-        raise PlayerError(f'{name}: {value!r} is not allowed: {kind}')
-    return value

@@ -33,6 +33,7 @@ import threading
 import time
 from typing import Any, TYPE_CHECKING
 
+from flexarm_ros.nodes.own_parameters import FASTEST
 from flexarm_ros.nodes.simulation_services import offer_standard_services
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
@@ -41,8 +42,6 @@ from std_srvs.srv import SetBool, Trigger
 if TYPE_CHECKING:
     from flexarm_ros.nodes.plant import PlantNode
 
-FASTEST = 1e6
-MOST_STEPS = 10**9
 WAIT_S = 60.0
 """Wall time that a service may take at the longest."""
 

@@ -37,7 +37,8 @@ from flexarm_ros.nodes.agreement import Disagreement, told_config
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class
 from flexarm_ros.nodes.leaving import leaving
-from flexarm_ros.nodes.parameters import assignments, declare_own, OF_ROS, Own, parameter_files
+from flexarm_ros.nodes.own_parameters import OWN
+from flexarm_ros.nodes.parameters import declare_own, given_parameters
 from flexarm_ros.nodes.view_foxglove import FoxgloveView, ViewError
 from flexarm_ros.nodes.view_ros import RosView
 from flexarm_ros.nodes.view_scene import Scene
@@ -53,12 +54,6 @@ _LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-PARAMETERS = {
-    'rate': Own(30.0, 'frames a second of wall time at most', 'Hz', low=0.1, high=1000.0),
-    'host': Own('127.0.0.1', 'address that the WebSocket server listens on'),
-    'port': Own(8765, 'port of the WebSocket server; 0: a free one; -1: none', low=-1, high=65535),
-    'trail': Own(600, "frames of the tip's trail that are shown", low=2, high=100000),
-}
 
 
 class ViewerNode(Node):
@@ -66,12 +61,7 @@ class ViewerNode(Node):
 
     def __init__(self, argv: list[str]) -> None:
         super().__init__('viewer')
-        for name, _ in assignments(argv, self.get_name()):
-            if name not in PARAMETERS and not name.startswith(OF_ROS):
-                raise scenario.ScenarioError(
-                    f"unknown parameter '{name}' (allowed: {', '.join(PARAMETERS)})"
-                )
-        declare_own(self, 'viewer', PARAMETERS, argv)
+        declare_own(self, 'viewer', OWN['viewer'], argv)
         self.stopping = threading.Event()
         self._told: dict[str, status.Status] = {}
         self._status = self.create_subscription(
@@ -82,7 +72,7 @@ class ViewerNode(Node):
             ParameterEvent, changes.TOPIC, lambda _: None, _LATCHED, callback_group=HOT, raw=True,
             qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
-        self._given = scenario.load(parameter_files(argv), [])
+        self._given = given_parameters(self, 'viewer', argv).config()
         self.foxglove = self._server()
         self._ros = RosView(self)
         self._readers: dict[int, Any] = {}

@@ -69,7 +69,7 @@ def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -
         if where == ('controller', 'torque_file'):
             torque_base = Path.cwd()
         values[where] = tree
-    return _build(values, torque_base=torque_base)
+    return build(values, torque_base=torque_base)
 
 
 def from_text(
@@ -81,7 +81,7 @@ def from_text(
     No file is opened: the torques of ``open_loop`` are given as rows.
     Raises ScenarioError, one line.
     """
-    return _build(_read(text, name), torques=check_torques(torques))
+    return build(_read(text, name), torques=check_torques(torques))
 
 
 def from_dict(
@@ -102,8 +102,8 @@ def from_dict(
         given = _without_none(keys.get('ros__parameters', keys))
         _take_section(values, name, tree_of(given), '')
     if torque_base is not None:
-        return _build(values, torque_base=torque_base)
-    return _build(values, torques=check_torques(torques))
+        return build(values, torque_base=torque_base)
+    return build(values, torques=check_torques(torques))
 
 
 def with_values(
@@ -132,8 +132,8 @@ def with_values(
         torque_base = Path.cwd()
     values.update(given)
     if torque_base is not None or not config.torques:
-        return _build(values, torque_base=torque_base or Path.cwd())
-    return _build(values, torques=config.torques)
+        return build(values, torque_base=torque_base or Path.cwd())
+    return build(values, torques=config.torques)
 
 
 def _values_of(config: RunConfig) -> Values:
@@ -198,7 +198,7 @@ def find_key(name: str) -> tuple[str, str]:
     first = first if first == WHOLE_RUN else first.lstrip('/')
     section, key = (first, rest) if dot and first in SECTIONS else (WHOLE_RUN, name)
     if key not in specs(SECTIONS[section]):
-        raise ScenarioError(f'{clip(name)}: unknown key{_nearest(section, key)}')
+        raise ScenarioError(f'{clip(name)}: unknown key{nearest(section, key)}')
     return section, key
 
 
@@ -207,7 +207,7 @@ def full_name(section: str, key: str) -> str:
     return f'{section}.{key}'
 
 
-def _nearest(section: str, key: str) -> str:
+def nearest(section: str, key: str) -> str:
     """Return a hint: the key in another section, or the nearest spelling."""
     last = key.rpartition('.')[2]
     for other, cls in SECTIONS.items():
@@ -269,11 +269,17 @@ def _take_section(values: Values, section: str, tree: Tree, prefix: str) -> None
             continue
         else:
             name = clip(full_name(section, key))
-            raise ScenarioError(f'{name}: unknown key{_nearest(section, key)}')
+            raise ScenarioError(f'{name}: unknown key{nearest(section, key)}')
 
 
-def _build(values: Values, torques: Torques = (), torque_base: Path | None = None) -> RunConfig:
-    """Return the RunConfig of what was given, defaults filled in, checked as a whole."""
+def build(
+    values: Values, torques: Torques = (), torque_base: Path | None = None, whole: bool = True
+) -> RunConfig:
+    """
+    Return the RunConfig of what was given, defaults filled in.
+
+    Each value is checked, and with ``whole`` that they fit together.  Raises ScenarioError.
+    """
     sections: dict[str, Any] = {}
     for section, cls in SECTIONS.items():
         given = {}
@@ -288,5 +294,6 @@ def _build(values: Values, torques: Torques = (), torque_base: Path | None = Non
         torques = ()
     assert set(sections) | {'torques', 'changes'} == {field.name for field in fields(RunConfig)}
     config = RunConfig(**sections, torques=torques)
-    check(config)
+    if whole:
+        check(config)
     return config

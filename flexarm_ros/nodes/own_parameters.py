@@ -1,0 +1,116 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameters of a node that are no part of a scenario: every one of every node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flexarm_ros.core.parameters import Spec
+from flexarm_ros.scenario.convert import convert
+from flexarm_ros.scenario.rclyaml import Scalar, Tree
+
+FASTEST = 1e6
+"""Largest multiple of real time, and largest number of seconds."""
+
+MOST_STEPS = 10**9
+
+_KINDS = {float: 'float', int: 'int', bool: 'bool', str: 'str'}
+
+
+@dataclass(frozen=True)
+class Own:
+    """A parameter of one node that is no part of a scenario: text, number or true or false."""
+
+    default: str | bool | int | float
+    doc: str
+    unit: str = ''
+    low: float | None = None
+    high: float | None = None
+    live: bool = False
+
+    @property
+    def spec(self) -> Spec:
+        """Return what is allowed, as for a key of a scenario."""
+        kind = _KINDS[type(self.default)]
+        return Spec(kind, self.unit, self.doc, low=self.low, high=self.high, live=self.live)
+
+    def read(self, name: str, tree: Tree) -> str | bool | int | float:
+        """Return a value that was given; any text will do.  Raises ScenarioError."""
+        if isinstance(self.default, str) and isinstance(tree, Scalar):
+            return tree.text
+        value: str | bool | int | float = convert(name, self.spec, tree)
+        return value
+
+
+OWN = {
+    'plant': {
+        'real_time_factor': Own(
+            0.0, 'hold the run to this multiple of real time; 0: free to run', low=0.0,
+            high=FASTEST, live=True,
+        ),
+        'step_ticks': Own(
+            1, 'ticks that the service ~/step lets a paused run do', low=1, high=MOST_STEPS,
+            live=True,
+        ),
+        'hold_at': Own(
+            '', 'ticks, comma separated, before which the launcher has something to do'
+        ),
+    },
+    'recorder': {
+        'output': Own('', 'directory of the run; empty: a new one below runs/'),
+        'name': Own('', 'name of the scenario, for the record'),
+    },
+    'player': {
+        'bag': Own('', 'the run: its directory, or the bag in it'),
+        'rate': Own(
+            1.0, 'multiple of real time; 0: as fast as it goes; may change while playing',
+            low=0.0, high=FASTEST, live=True,
+        ),
+        'start': Own(0.0, 'simulated time to start from', 's', low=0.0, high=FASTEST),
+        'loop': Own(False, 'start again at the end'),
+        'paused': Own(
+            False, 'wait for the service ~/resume or ~/play_next before the first tick'
+        ),
+        'topics': Own('', 'topics to publish beside /clock, comma separated; empty: all'),
+        'without': Own(
+            '', 'controller: leave the torque to another node, in lock-step; empty: play it too'
+        ),
+        'delay': Own(
+            1.0, 'wall time to wait for subscribers before the first message', 's', low=0.0,
+            high=FASTEST,
+        ),
+        'tick_timeout': Own(
+            5.0, 'wall time that the controller may take to answer a tick', 's', low=0.0,
+            high=FASTEST,
+        ),
+        'scenario': Own('', 'the scenario of a bag that has none: a file or a shipped name'),
+        'set': Own('', 'changes of its parameters, NODE.KEY=VALUE, separated by semicolons'),
+        'namespace': Own(
+            '', "the run's namespace in a bag of another recorder; empty: the only one"
+        ),
+    },
+    'viewer': {
+        'rate': Own(
+            30.0, 'frames a second of wall time at most', 'Hz', low=0.1, high=1000.0
+        ),
+        'host': Own('127.0.0.1', 'address that the WebSocket server listens on'),
+        'port': Own(
+            8765, 'port of the WebSocket server; 0: a free one; -1: none', low=-1, high=65535
+        ),
+        'trail': Own(600, "frames of the tip's trail that are shown", low=2, high=100000),
+    },
+}  # fmt: skip
+"""Role -> its parameters."""

@@ -1,0 +1,253 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Parameter files as a ROS 2 node reads them: the sections that are the node's, by its name.
+
+Sections are chosen and ordered as rcl does it: a section counts if its name, wildcards included,
+matches the node's fully qualified name; a later section wins over an earlier one, and a section
+has the place of its first appearance in all the files.  rcl's choice is never changed.  Beyond it:
+
+- A section named after the role alone (``plant``) holds for that role in every namespace and under
+  every name, below whatever rcl chooses.  So one scenario serves any arm of a graph.
+- The sections of the other roles in the node's namespace are read too where they name the role:
+  an external node tells no parameters, so that a file is all that is known of it.
+- An unknown key is an error, since rclpy would ignore a typing mistake.  In a section that ends
+  with a wildcard, which other nodes share, the keys of our other nodes are passed over; and where
+  the file also has sections of nodes that are not ours, so that it is meant for them too, any key
+  that is not nearly one of this node's (reported).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Mapping as Map
+from dataclasses import dataclass, field
+from pathlib import Path
+import re
+
+from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
+from flexarm_ros.scenario.check import check
+from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
+from flexarm_ros.scenario.files import read_text
+from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, show, Tree
+from flexarm_ros.scenario.reader import build, MAX_BYTES, PathLike, WHOLE_RUN
+
+PARAMETERS = 'ros__parameters'
+OF_ROS = ('qos_overrides.', 'use_sim_time', 'start_type_description')
+"""Parameters that every ROS 2 node has; rclpy reads them itself."""
+
+UNSET = 'null'
+"""What `ros2 param dump` writes for a parameter without a value."""
+
+
+@dataclass(frozen=True)
+class NodeName:
+    """A node that reads parameter files."""
+
+    role: str
+    name: str
+    """Fully qualified, after remapping."""
+    own: Collection[str] = ()
+    """Keys that are no part of a scenario."""
+    others: Map[str, Collection[str]] = field(default_factory=dict)
+    """Such keys of our other nodes, by role."""
+    flies: bool = True
+    """Whether the node reads a scenario; if not, it takes its own keys only."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A value, and the file that gives it (None: the command line)."""
+
+    tree: Tree
+    file: Path | None
+
+    @property
+    def place(self) -> str:
+        """Return the start of an error about this value."""
+        return '' if self.file is None else f'{clip(str(self.file), PATH_WIDTH)}: '
+
+
+Section = dict[str, Given]
+Files = Collection[Path | None]
+
+_LIST = '; see `ros2 param list`, or the README'
+
+
+@dataclass
+class NodeParameters:
+    """What parameter files and the command line give to a node, before defaults."""
+
+    own: dict[str, Tree] = field(default_factory=dict)
+    scenario: dict[tuple[str, str], Given] = field(default_factory=dict)
+    passed_over: list[str] = field(default_factory=list)
+    """Keys under wildcards that no node of ours has, each with its place."""
+    whole: bool = False
+    """Whether sections of other roles were given."""
+
+    @property
+    def torque_base(self) -> Path:
+        """Return the directory to which the path of the torque file is relative."""
+        given = self.scenario.get(('controller', 'torque_file'))
+        return Path() if given is None or given.file is None else given.file.resolve().parent
+
+    def config(self) -> RunConfig:
+        """
+        Return the scenario, defaults filled in; ScenarioError if it is not allowed.
+
+        Whether the parts fit together is judged only if other roles' sections were given: else
+        their parameters are known once their nodes tell them (`flexarm_ros.nodes.agreement`).
+        """
+        values = {where: given.tree for where, given in self.scenario.items()}
+        config = build(values, torque_base=self.torque_base, whole=False)
+        try:
+            check(config)
+        except ScenarioError:
+            if self.whole:
+                raise
+        return config
+
+
+def matches(section: str, name: str) -> bool:
+    """Whether rcl gives a node of the fully qualified ``name`` the section."""
+    pattern = re.escape(section if section.startswith('/') else f'/{section}')
+    pattern = pattern.replace(r'/\*', r'(/\w+)').replace(r'\*', '*')
+    return re.fullmatch(pattern, name, re.ASCII) is not None
+
+
+def read_sections(files: Iterable[PathLike]) -> dict[str, Section]:
+    """Return the sections of several files, each with its keys, in rcl's order."""
+    sections: dict[str, Section] = {}
+    for file in map(Path, files):
+        place = f'{clip(str(file), PATH_WIDTH)}: '
+        try:
+            tree = parse(read_text(file, MAX_BYTES))
+            for name, body in _sections('', Mapping({}) if tree is None else tree):
+                keys = {key: Given(value, file) for key, value in _flat('', body)}
+                sections.setdefault(name, {}).update(keys)
+        except ScenarioError as error:
+            raise ScenarioError(f'{place}{str(error).removeprefix(place)}') from None
+    return sections
+
+
+def _sections(prefix: str, tree: Tree) -> Iterator[tuple[str, Mapping]]:
+    """Yield ``(name, keys)`` of each section; nested maps are namespaces."""
+    if not isinstance(tree, Mapping):
+        raise ScenarioError(f'{clip(prefix or show(tree))}: must be a map with {PARAMETERS}')
+    for name, body in tree.entries.items():
+        if name != PARAMETERS:
+            yield from _sections(f'{prefix.rstrip("/")}/{name}' if prefix else name, body)
+        elif isinstance(body, Mapping) and prefix:
+            yield prefix, body
+        else:
+            raise ScenarioError(f'{clip(prefix)}: {PARAMETERS} must be a map of keys in a section')
+
+
+def _flat(prefix: str, tree: Mapping) -> Iterator[tuple[str, Tree]]:
+    for name, value in tree.entries.items():
+        if isinstance(value, Mapping):
+            yield from _flat(f'{prefix}{name}.', value)
+        else:
+            yield prefix + name, value
+
+
+def read_node(
+    files: Iterable[PathLike], node: NodeName, assignments: Iterable[tuple[str, str]] = ()
+) -> NodeParameters:
+    """
+    Return what ``files`` give to ``node``, and after them ``assignments`` of ``(key, YAML)``.
+
+    Raises ScenarioError, one line, for an unknown key and for what is not a parameter file.
+    """
+    sections = read_sections(files)
+    found = NodeParameters()
+    namespace = node.name.rpartition('/')[0]
+    for role in SECTIONS if node.flies else ():
+        if role in (WHOLE_RUN, node.role):
+            continue
+        for name in _chosen(sections, role, f'{namespace}/{role}'):
+            if not name.endswith('*'):
+                found.whole = True
+                known = sections[name].keys() & specs(SECTIONS[role]).keys()
+                _put(found, role, {key: sections[name][key] for key in known})
+    for name in _chosen(sections, node.role, node.name):
+        _take(found, node, name, sections[name], _shared_files(sections, node))
+    for key, text in assignments:
+        try:
+            tree = parse(text)
+        except ScenarioError as error:
+            reason = str(error).removeprefix('line 1: ')
+            raise ScenarioError(f'{node.role}.{clip(key)}: {clip(text)}: {reason}') from None
+        if tree is None:
+            raise ScenarioError(f'{node.role}.{clip(key)}: no value; give -p {clip(key)}:=VALUE')
+        _take(found, node, node.role, {key: Given(tree, None)})
+    return found
+
+
+def _chosen(sections: dict[str, Section], role: str, name: str) -> list[str]:
+    """Return the sections of a node, the one that wins last."""
+    matching = [section for section in sections if matches(section, name)]
+    return [role, *matching] if role in sections and role not in matching else matching
+
+
+def _shared_files(sections: dict[str, Section], node: NodeName) -> Files:
+    """Return the files that have a section of a node that is not ours."""
+    ours = {*SECTIONS, *node.others, '*', '**'}
+    return {
+        given.file
+        for section, keys in sections.items()
+        if section.rpartition('/')[2] not in ours and not matches(section, node.name)
+        for given in keys.values()
+    }
+
+
+def _take(
+    found: NodeParameters, node: NodeName, section: str, keys: Section, shared: Files = ()
+) -> None:
+    """Add a section's keys to what the node has."""
+    known = specs(SECTIONS[node.role]) if node.flies and node.role in SECTIONS else {}
+    run = specs(SECTIONS[WHOLE_RUN]) if node.flies else {}
+    for key, given in keys.items():
+        if key in node.own:
+            found.own[key] = given.tree
+        elif key in known:
+            _put(found, node.role, {key: given})
+        elif key in run:
+            _put(found, WHOLE_RUN, {key: given})
+        elif not key.startswith(OF_ROS) and not (section.endswith('*') and _elsewhere(node, key)):
+            place = f'{given.place}{clip(section)}.{clip(key)}'
+            near = suggestion(key, (*known, *node.own, *run))
+            if near or not section.endswith('*') or given.file not in shared:
+                raise ScenarioError(
+                    f'{place}: unknown key{_elsewhere(node, key) or near or _LIST}'
+                )
+            found.passed_over.append(place)
+
+
+def _elsewhere(node: NodeName, key: str) -> str:
+    """Return a hint to another role that has the key; empty: none of ours has."""
+    places = {**{role: specs(kind) for role, kind in SECTIONS.items()}, **node.others}
+    names = [f'{role}.{key}' for role, keys in places.items() if key in keys]
+    return f"; did you mean '{names[0]}'?" if names else ''
+
+
+def _put(found: NodeParameters, section: str, keys: Section) -> None:
+    """Set keys of the scenario; what a dump shows as without a value is left out again."""
+    for key, given in keys.items():
+        spec = specs(SECTIONS[section])[key][1]
+        found.scenario.pop((section, key), None)
+        unset = isinstance(given.tree, Scalar) and given.tree.text == UNSET
+        if not (spec.optional and unset):
+            found.scenario[section, key] = given
