@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,14 +35,22 @@ def read(text: str, directory: Path, node: str = 'plant') -> dict[str, Any]:
     """Return the parameters that a node gets from ``text`` as ``--params-file``."""
     path = directory / 'oracle.yaml'
     path.write_bytes(text.encode())
+    return resolve([path], f'/{node}')
+
+
+def resolve(files: Sequence[Path], name: str) -> dict[str, Any]:
+    """Return the parameters that the node of that fully qualified name gets from ``files``."""
     context = Context()
+    words = [word for file in files for word in ('--params-file', str(file))]
     try:
-        rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context)
+        rclpy.init(args=['--ros-args', *words], context=context)
     except Exception as error:
         raise RclError(str(error)) from None
     try:
+        namespace, _, node = name.rpartition('/')
         made = Node(
             node,
+            namespace=namespace,
             context=context,
             automatically_declare_parameters_from_overrides=True,
             enable_rosout=False,

@@ -26,6 +26,7 @@ from rcl_interfaces.msg import ParameterType
 from rclpy.node import Node
 from rclpy.parameter import get_parameter_value, Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+import yaml
 
 SERVICE_TIMEOUT_S = 5.0
 TYPES = {
@@ -56,6 +57,7 @@ def add_verbs(name: str, command: argparse.ArgumentParser) -> None:
         ('get', 'value of a parameter', get),
         ('set', 'set a parameter', set_parameter),
         ('describe', 'type, range and description', describe),
+        ('dump', 'all parameters of a node, as a parameter file', dump),
     ):
         verb = verbs.add_parser(word, help=text)
         session.add_options(verb)
@@ -69,6 +71,8 @@ def add_verbs(name: str, command: argparse.ArgumentParser) -> None:
             help='seconds to wait for the node (default %(default)s)',
         )
         verb.set_defaults(verb=function)
+        if word == 'dump':
+            continue
         if word == 'describe':
             verb.add_argument('parameter_names', nargs='+')
             continue
@@ -202,3 +206,21 @@ def print_descriptor(descriptor: Any) -> None:
             print('    Step:', limits.step)
     if descriptor.additional_constraints:
         print('    Additional constraints:', descriptor.additional_constraints)
+
+
+def dump(options: argparse.Namespace) -> int:
+    """Print all parameters of a node as a parameter file; dotted names become nested maps."""
+    with session.node(options, discover=False) as looker:
+        name = session.wait_for_node(looker, options.node_name, options.timeout)
+        client = Client(looker, name)
+        keys = sorted(client.ask('list_parameters').result.names)
+        values = client.ask('get_parameters', keys).values
+    tree: dict[str, Any] = {}
+    for key, value in zip(keys, values, strict=True):
+        *path, last = key.split('.')
+        place = tree
+        for part in path:
+            place = place.setdefault(part, {})
+        place[last] = parameter_value_to_python(value)
+    print(yaml.dump({name: {'ros__parameters': tree}}, default_flow_style=False))
+    return 0
