@@ -92,6 +92,7 @@ from flexarm_ros.nodes.process import CLASSES
 from flexarm_ros.nodes.supervisor import Supervisor
 rclpy.init(args=["{role}"])
 node = getattr(import_module("flexarm_ros.nodes.{role}"), CLASSES["{role}"])([], Supervisor())
+node.get_parameters(list(node._parameters))  # those without a value too, as for a dump
 print(json.dumps({{n: [d.description, d.read_only, d.type] for n in node._parameters
     for d in [node.describe_parameter(n)]}}))
 """
