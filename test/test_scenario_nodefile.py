@@ -74,8 +74,8 @@ def test_a_nodes_own_section(tmp_path: Path, name: str, written: str) -> None:
     found = read(tmp_path, section(written, payload_mass=1.5, step_ticks=3, seed=7), name=name)
     config = found.config()
     assert (config.plant.payload_mass, config.run.seed) == (1.5, 7)
-    assert found.own['step_ticks'].value == 3
-    assert not found.passed_over
+    assert found.own['step_ticks'].tree.value == 3
+    assert not found.notes
 
 
 @pytest.mark.parametrize(
@@ -134,6 +134,17 @@ def test_the_roles_section_is_below_what_rcl_chooses(tmp_path: Path) -> None:
     assert (value(found, 'modes'), value(found, 'payload_mass')) == (2, 1.0)
 
 
+def test_a_later_file_that_ranks_lower_is_told(tmp_path: Path) -> None:
+    """The dictionary of a launch_ros Node without name= and namespace=, after a scenario."""
+    texts = FLS_TIP.read_text('utf-8'), section('/**', kp=80.0)
+    found = read(tmp_path, *texts, role='controller')
+    assert value(found, 'kp', 'controller') == 150.79  # as rclpy and rclcpp have it
+    (note,) = found.notes
+    winner = f'{tmp_path}/0.yaml: controller.kp'
+    assert note == f'{tmp_path}/1.yaml: /**.kp: not used; {winner} ranks higher'
+    assert not read(tmp_path, *texts, role='controller', set_=('kp:=1',), name='/a/x').notes
+
+
 def test_the_command_line_wins_over_every_file(tmp_path: Path) -> None:
     words = (
         'modes:=2',
@@ -144,7 +155,7 @@ def test_the_command_line_wins_over_every_file(tmp_path: Path) -> None:
     )
     found = read(tmp_path, section('plant', modes=4), set_=words)
     assert value(found, 'modes') == 3
-    assert found.own['real_time_factor'].value == 1e-3
+    assert found.own['real_time_factor'].tree.value == 1e-3
 
 
 def test_a_ros_command_line() -> None:
@@ -184,9 +195,12 @@ def test_unknown_keys_are_named(tmp_path: Path, text: str, role: str, words: lis
 def test_keys_that_other_nodes_share_are_passed_over(tmp_path: Path) -> None:
     common = section('/**', kp=80.0, output='runs', rate=1.0, use_sim_time=True)
     found = read(tmp_path, common)
-    assert (found.scenario, found.own, found.passed_over) == ({}, {}, [])
+    assert (found.scenario, found.own, found.notes) == ({}, {}, [])
     shared = common + section('rviz2', a=1) + section('/*', robot_description='<robot/>')
-    assert read(tmp_path, shared).passed_over == [f'{tmp_path}/0.yaml: /*.robot_description']
+    (note,) = read(tmp_path, shared).notes
+    assert note.startswith(
+        f'{tmp_path}/0.yaml: /*.robot_description: no parameter of this package'
+    )
 
 
 def test_one_file_for_two_arms(tmp_path: Path) -> None:

@@ -111,12 +111,12 @@ def declare_own(
     Raises ScenarioError where one that is given is not allowed.
     """
     given = given_parameters(node, role, argv, flies)
-    for place in given.passed_over:
-        node.get_logger().warning(f'{place}: no parameter of this package; passed over')
+    for note in given.notes:
+        node.get_logger().warning(note)
     values = {}
     for key, own in parameters.items():
         values[key] = (
-            own.read(f'{role}.{key}', given.own[key]) if key in given.own else own.default
+            own.read(f'{role}.{key}', given.own[key].tree) if key in given.own else own.default
         )
         _declare(node, key, own.spec, values[key])
     return values

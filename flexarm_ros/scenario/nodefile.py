@@ -36,6 +36,7 @@ from collections.abc import Mapping as Map
 from dataclasses import dataclass, field
 from pathlib import Path
 import re
+import sys
 
 from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.check import check
@@ -69,15 +70,13 @@ class NodeName:
 
 @dataclass(frozen=True)
 class Given:
-    """A value, and the file that gives it (None: the command line)."""
+    """A value and where it was given: the file, and how many come before it."""
 
     tree: Tree
-    file: Path | None
-
-    @property
-    def place(self) -> str:
-        """Return the start of an error about this value."""
-        return '' if self.file is None else f'{clip(str(self.file), PATH_WIDTH)}: '
+    place: str
+    file: Path | None = None
+    """None: the command line."""
+    number: int = 0
 
 
 Section = dict[str, Given]
@@ -90,10 +89,10 @@ _LIST = '; see `ros2 param list`, or the README'
 class NodeParameters:
     """What parameter files and the command line give to a node, before defaults."""
 
-    own: dict[str, Tree] = field(default_factory=dict)
+    own: dict[str, Given] = field(default_factory=dict)
     scenario: dict[tuple[str, str], Given] = field(default_factory=dict)
-    passed_over: list[str] = field(default_factory=list)
-    """Keys under wildcards that no node of ours has, each with its place."""
+    notes: list[str] = field(default_factory=list)
+    """What the user may not expect: values that are not used, one line each."""
     whole: bool = False
     """Whether sections of other roles were given."""
 
@@ -130,13 +129,15 @@ def matches(section: str, name: str) -> bool:
 def read_sections(files: Iterable[PathLike]) -> dict[str, Section]:
     """Return the sections of several files, each with its keys, in rcl's order."""
     sections: dict[str, Section] = {}
-    for file in map(Path, files):
+    for number, file in enumerate(map(Path, files)):
         place = f'{clip(str(file), PATH_WIDTH)}: '
         try:
             tree = parse(read_text(file, MAX_BYTES))
             for name, body in _sections('', Mapping({}) if tree is None else tree):
-                keys = {key: Given(value, file) for key, value in _flat('', body)}
-                sections.setdefault(name, {}).update(keys)
+                keys = sections.setdefault(name, {})
+                for key, value in _flat('', body):
+                    where = f'{place}{clip(name)}.{clip(key)}'
+                    keys[key] = Given(value, where, file, number)
         except ScenarioError as error:
             raise ScenarioError(f'{place}{str(error).removeprefix(place)}') from None
     return sections
@@ -185,14 +186,15 @@ def read_node(
     for name in _chosen(sections, node.role, node.name):
         _take(found, node, name, sections[name], _shared_files(sections, node))
     for key, text in assignments:
+        place = f'{node.role}.{clip(key)}'
         try:
             tree = parse(text)
         except ScenarioError as error:
             reason = str(error).removeprefix('line 1: ')
-            raise ScenarioError(f'{node.role}.{clip(key)}: {clip(text)}: {reason}') from None
+            raise ScenarioError(f'{place}: {clip(text)}: {reason}') from None
         if tree is None:
-            raise ScenarioError(f'{node.role}.{clip(key)}: no value; give -p {clip(key)}:=VALUE')
-        _take(found, node, node.role, {key: Given(tree, None)})
+            raise ScenarioError(f'{place}: no value; give -p {clip(key)}:=VALUE')
+        _take(found, node, node.role, {key: Given(tree, place, None, sys.maxsize)})
     return found
 
 
@@ -221,19 +223,36 @@ def _take(
     run = specs(SECTIONS[WHOLE_RUN]) if node.flies else {}
     for key, given in keys.items():
         if key in node.own:
-            found.own[key] = given.tree
-        elif key in known:
-            _put(found, node.role, {key: given})
-        elif key in run:
-            _put(found, WHOLE_RUN, {key: given})
-        elif not key.startswith(OF_ROS) and not (section.endswith('*') and _elsewhere(node, key)):
-            place = f'{given.place}{clip(section)}.{clip(key)}'
+            before = found.own.get(key)
+            found.own[key] = given
+        elif key in known or key in run:
+            part = node.role if key in known else WHOLE_RUN
+            before = found.scenario.get((part, key))
+            _put(found, part, {key: given})
+        else:
             near = suggestion(key, (*known, *node.own, *run))
-            if near or not section.endswith('*') or given.file not in shared:
-                raise ScenarioError(
-                    f'{place}: unknown key{_elsewhere(node, key) or near or _LIST}'
-                )
-            found.passed_over.append(place)
+            _pass_over(found, node, key, given, near, section.endswith('*'), shared)
+            continue
+        if before is not None and before.number > given.number:
+            found.notes.append(f'{before.place}: not used; {given.place} ranks higher')
+
+
+def _pass_over(
+    found: NodeParameters,
+    node: NodeName,
+    key: str,
+    given: Given,
+    near: str,
+    wildcard: bool,
+    shared: Files,
+) -> None:
+    """Pass over a key that is not the node's; ScenarioError if it must not stand there."""
+    elsewhere = _elsewhere(node, key)
+    if key.startswith(OF_ROS) or (wildcard and elsewhere):
+        return
+    if near or not wildcard or given.file not in shared:
+        raise ScenarioError(f'{given.place}: unknown key{elsewhere or near or _LIST}')
+    found.notes.append(f'{given.place}: no parameter of this package; passed over')
 
 
 def _elsewhere(node: NodeName, key: str) -> str:
