@@ -49,7 +49,7 @@ def test_launchs_parameters_of_each_node_make_a_run(tmp_path: Path, ros_domain: 
     sections = scenario.to_dict(scenario.load('fls_tip', sets))
     nodes = []
     for number, role in enumerate(ROLES):
-        own = {k: v for k, v in {**sections['run'], **sections[role]}.items() if v is not None}
+        own = {k: v for k, v in {**sections['/**'], **sections[role]}.items() if v is not None}
         if role == 'recorder':
             own.update(output=str(tmp_path / 'run'), name='fls_tip')
         name = ['-r', f'__node:=my_{role}'] if number % 2 else []
