@@ -16,9 +16,14 @@
 The one way in which functions of the core are compiled.
 
 ``@compiled`` is numba's ``njit`` with a cache on disk and nothing that could
-change a result from one run to the next: no fast-math, no threads.  Functions
-under it use plain loops, never ``@`` or ``numpy.linalg``, since BLAS may
-choose another order of summation on another day.
+change a result from one run to the next: no fast-math, no contraction of a
+product and a sum into one operation, no threads.  Functions under it use plain
+loops, never ``@`` or ``numpy.linalg``, whose order of summation is BLAS's own
+affair, and :mod:`flexarm_ros.core.elementary` for what is not +, -, *, / or
+sqrt.
+
+Where the cache is, :mod:`flexarm_ros.code_cache` says.  A file in it that cannot be
+read (cut short by a full disk, say) counts as absent and is written anew.
 """
 
 from __future__ import annotations
@@ -26,15 +31,53 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast, TypeVar
 
-from numba import njit
+from flexarm_ros import code_cache
+import numba
+from numba.core import caching
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 F = TypeVar('F', bound=Callable[..., Any])
 
+_config: Any = numba.config
+_FunctionCache: Any = caching.FunctionCache
+
+
+class _Cache(_FunctionCache):  # type: ignore[misc]
+    """numba's cache of one function, which never is the reason that a call fails."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled code of a signature, ``None`` where there is none to be read."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # unpickling what was cut short may raise anything
+            self._forget()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled code of a signature if that is possible."""
+        try:
+            super().save_overload(sig, data)
+        except OSError:  # a full disk, or the directory was removed
+            self._forget()
+
+    def _forget(self) -> None:
+        try:
+            self.flush()
+        except OSError:
+            self.disable()
+
 
 def compiled(function: F) -> F:
     """Compile ``function`` on its first call, or load it from the cache on disk."""
-    result: Any = njit(cache=True, error_model='numpy')(function)
+    result: Any = numba.njit(error_model='numpy')(function)
+    where = code_cache.directory()
+    if where is not None and not _config.DISABLE_JIT:
+        # Only while the cache is made: other packages keep theirs where they like.
+        before, _config.CACHE_DIR = _config.CACHE_DIR, str(where)
+        try:
+            result._cache = _Cache(result.py_func)
+        finally:
+            _config.CACHE_DIR = before
     return cast(F, result)

@@ -1,0 +1,94 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where compiled code is kept between processes, and when it is out of date.
+
+numba compares the time stamp of the file that a function is in, not of those
+that it calls: after a change of a called function the old code would be loaded,
+and with it the old numbers.  So each state of the source has a directory of its
+own, named by a digest of all of the core and of the versions that compile it.
+
+The directories are below ``NUMBA_CACHE_DIR`` if that is set, else below the
+package's ``__pycache__``, else, where that cannot be written, below the user's
+cache directory.  Without any of these nothing is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+import hashlib
+import os
+from pathlib import Path
+import shutil
+import sys
+import tempfile
+
+import numba  # noqa: F401  # brings the modules whose versions count
+
+PACKAGE = Path(__file__).resolve().parent
+COMPILERS = ('numba', 'llvmlite', 'numpy')
+PREFIX = 'compiled-'
+KEPT = 4
+"""Directories that are left when one more is made, of other versions of Python, say."""
+
+
+@cache
+def directory() -> Path | None:
+    """Return the directory for the source and the versions as they are, made if need be."""
+    name = PREFIX + key()
+    for base in _bases():
+        path = base / name
+        try:
+            if not path.is_dir():
+                _clear(base)
+                path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path):
+                return path
+        except OSError:
+            continue
+    return None
+
+
+def key() -> str:
+    """Return the digest that names a state of the core's source and its compilers."""
+    digest = hashlib.sha256(sys.version.encode())
+    for name in COMPILERS:
+        digest.update(f'{name} {sys.modules[name].__version__}\n'.encode())
+    core = PACKAGE / 'core'
+    for path in sorted(core.rglob('*.py')):
+        digest.update(path.relative_to(core).as_posix().encode() + b'\0')
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()[:24]
+
+
+def _bases() -> Iterator[Path]:
+    own = os.environ.get('NUMBA_CACHE_DIR')
+    if own:
+        yield Path(own)
+    yield PACKAGE / '__pycache__'
+    home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
+    if os.path.isabs(home):
+        yield Path(home) / 'flexarm_ros'
+
+
+def _clear(base: Path) -> None:
+    """Remove all but the newest directories of other states, and what earlier releases left."""
+    found = sorted(base.glob(PREFIX + '*'), key=lambda path: path.stat().st_mtime)
+    for path in found[: max(0, len(found) - KEPT + 1)]:
+        shutil.rmtree(path, ignore_errors=True)
+    if base.parent == PACKAGE:
+        for path in (PACKAGE / 'core').rglob('__pycache__/*.nb[ci]'):
+            path.unlink(missing_ok=True)
