@@ -88,6 +88,7 @@ EXTRAS = {
         'colcon-common-extensions',  # the tests install the package as a full ROS 2 does
         'distributed',  # else the test of a Dask cluster is skipped
         'hypothesis',
+        'mpmath',  # true values of sines and logarithms, in tests
         'mypy',
         'pyarrow',  # else the tests of Parquet files are skipped
         'pytest',
@@ -97,7 +98,8 @@ EXTRAS = {
         *VIEW,
         'websockets',  # a browser's side of the live view, in tests
     ],
-    'test': ['hypothesis', 'pytest'],  # by this name `colcon test` tells that pytest is to run
+    # By this name `colcon test` tells that pytest is to run.
+    'test': ['hypothesis', 'mpmath', 'pytest'],
     'docs': DOCS,
     'view': VIEW,
     'notebook': NOTEBOOK,

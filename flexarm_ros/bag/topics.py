@@ -99,7 +99,8 @@ def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """Return the topics of a run in canonical order."""
     further = len(config.tip_sensor.more_locations or ())
-    return topics_of(config.plant.modes, further, config.tip_sensor.noise_std**2)
+    variance = config.tip_sensor.noise_std * config.tip_sensor.noise_std
+    return topics_of(config.plant.modes, further, variance)
 
 
 def topics_of(modes: int, further: int = 0, variance: float = 0.0) -> tuple[Topic, ...]:

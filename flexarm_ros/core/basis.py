@@ -42,8 +42,8 @@ cantilever mode.  Scale: the integral of phi_i^2 over xi is 1/4 and
 phi_i(1) > 0, with which an exact cantilever mode has phi_i(1) = 1, its
 coordinate then being its share of the end deflection in metres.
 
-The arithmetic is plain loops and ``einsum`` (no BLAS or LAPACK): two processes
-must arrive at the same last bit.
+The arithmetic is that of :mod:`flexarm_ros.core.elementary` and
+:mod:`flexarm_ros.core.small_linalg`: two processes must arrive at the same last bit.
 """
 
 from __future__ import annotations
@@ -52,11 +52,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 import math
 
-from flexarm_ros.core.beam import clamped_free_root
+from flexarm_ros.core.beam import beam_mode, beam_shape, clamped_free_mode
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.small_linalg import inverse_factor, symmetric_eigen
+from flexarm_ros.core.small_linalg import (
+    inverse_factor,
+    product,
+    symmetric_eigen,
+    weighted_gram,
+)
 import numpy as np
-from numpy.polynomial import legendre
 
 PANELS = 32
 """Panels of the composite five-point Gauss rule: exact to rounding for all shapes used."""
@@ -64,59 +68,46 @@ PANELS = 32
 
 def clamped_clamped_root(index: int) -> float:
     """Return root number ``index`` (from 0) of cos(z) cosh(z) = 1, z = 4.7300, 7.8532, ..."""
-    z = (index + 1.5) * math.pi
-    for _ in range(50):
-        sech = 1.0 / math.cosh(z)
-        step = (math.cos(z) - sech) / (math.sin(z) - sech * math.tanh(z))
-        z += step
-        if abs(step) <= 1e-15 * z:
-            break
-    return z
+    return _clamped_clamped_mode(index)[0]
 
 
-def _beam_shape(root: float, rest: float, xi: FloatArray, order: int) -> FloatArray:
-    """
-    Return d^order of cosh z - cos z - (1 - rest) (sinh z - sin z), z = root xi.
-
-    Written with exp(-z) and a closed form of ``rest``: the textbook form loses
-    all its digits near the end of the higher modes.
-    """
-    z = root * xi
-    k = 1.0 - rest
-    sign = -1.0 if order % 2 else 1.0
-    growing = np.cosh(z) if order % 2 else np.sinh(z)
-    circular = (
-        -np.cos(z) + k * np.sin(z),
-        np.sin(z) + k * np.cos(z),
-        np.cos(z) - k * np.sin(z),
-    )[order]
-    shape: FloatArray = root**order * (sign * np.exp(-z) + rest * growing + circular)
-    return shape
+def _clamped_clamped_mode(index: int) -> tuple[float, float]:
+    found: tuple[float, float] = beam_mode((index + 1.5) * math.pi, -1.0)
+    return found
 
 
 def _clamped_free(index: int, xi: FloatArray, order: int) -> FloatArray:
-    z = clamped_free_root(index)
-    rest = (math.sin(z) - math.cos(z) - math.exp(-z)) / (math.sin(z) + math.sinh(z))
-    return _beam_shape(z, rest, xi, order)
+    return beam_shape(*clamped_free_mode(index), xi, order)
 
 
 def _craig_bampton(index: int, xi: FloatArray, order: int) -> FloatArray:
     if index == 0:  # end force
-        return (0.5 * xi**2 * (3.0 - xi), 0.5 * xi * (6.0 - 3.0 * xi), 3.0 - 3.0 * xi)[order]
+        return (0.5 * xi * xi * (3.0 - xi), 0.5 * xi * (6.0 - 3.0 * xi), 3.0 - 3.0 * xi)[order]
     if index == 1:  # end moment
-        return (xi**2, 2.0 * xi, 2.0 + 0.0 * xi)[order]
-    z = clamped_clamped_root(index - 2)
-    rest = (math.cos(z) - math.sin(z) - math.exp(-z)) / (math.sinh(z) - math.sin(z))
-    return _beam_shape(z, rest, xi, order)
+        return (xi * xi, 2.0 * xi, 2.0 + 0.0 * xi)[order]
+    return beam_shape(*_clamped_clamped_mode(index - 2), xi, order)
 
 
 def _polynomial(index: int, xi: FloatArray, order: int) -> FloatArray:
-    """Return what has the curvature sqrt(2 i + 1) P_i(2 xi - 1)."""
-    series: FloatArray = np.zeros(index + 1)
-    series[index] = math.sqrt(2.0 * index + 1.0)
-    if order < 2:
-        series = np.asarray(legendre.legint(series, m=2 - order, lbnd=-1.0, scl=0.5))
-    return np.asarray(legendre.legval(2.0 * xi - 1.0, series))
+    """
+    Return what has the curvature sqrt(2 i + 1) P_i(t), t = 2 xi - 1.
+
+    Its integrals from t = -1 on follow from (2 i + 1) P_i = P_i+1' - P_i-1'
+    (Abramowitz and Stegun, 8.5.3 and 22.7.10).
+    """
+    t = 2.0 * xi - 1.0
+    values = [1.0 + 0.0 * t, t]
+    for n in range(1, index + 2):
+        values.append(((2.0 * n + 1.0) * t * values[n] - n * values[n - 1]) / (n + 1.0))
+    for integral in range(2 - order):
+        # The first one of P_0 is t + 1, the second one (t + 1)^2 / 2; d xi = d t / 2.
+        first = (t + 1.0) * (0.125 * (t + 1.0) if integral else 0.5)
+        rest = [
+            0.5 * (values[i + 1] - values[i - 1]) / (2.0 * i + 1.0)
+            for i in range(1, index + 2 - integral)
+        ]
+        values = [first, *rest]
+    return math.sqrt(2.0 * index + 1.0) * values[index]
 
 
 _FAMILIES = {
@@ -149,13 +140,12 @@ class Basis:
         """Return d^order phi / d xi^order, shape ``(N, points)``; order 0, 1 or 2."""
         points = np.atleast_1d(np.asarray(xi, dtype=float))
         raw = family(self.family, self.mixing.shape[1], points, order)
-        return np.asarray(np.einsum('ij,jq->iq', self.mixing, raw))
+        return product(self.mixing, raw)
 
     def shortening(self, xi: float) -> FloatArray:
         """Return the integral from 0 to xi of phi_i' phi_j', shape ``(N, N)``."""
         nodes, weights = composite_rule()
-        slopes = self.shape(xi * nodes, 1)
-        return np.asarray(xi * np.einsum('q,iq,jq->ij', weights, slopes, slopes))
+        return xi * weighted_gram(weights, self.shape(xi * nodes, 1))
 
 
 def gauss5() -> tuple[FloatArray, FloatArray]:
@@ -189,13 +179,12 @@ def orthogonal_basis(name: str, combinations: FloatArray) -> Basis:
     curvatures = family(name, combinations.shape[1], nodes, 2)
     mixing, values = combinations, np.zeros(len(combinations))
     for _ in range(2):  # the second pass removes what the first one's rounding left
-        current = np.einsum('ij,jq->iq', mixing, shapes)
-        bent = np.einsum('ij,jq->iq', mixing, curvatures)
-        inverse = inverse_factor(np.einsum('q,iq,jq->ij', weights, current, current))
-        stiffness = np.einsum('q,iq,jq->ij', weights, bent, bent)
-        reduced = np.einsum('ik,kl,jl->ij', inverse, stiffness, inverse)
+        inverse = inverse_factor(weighted_gram(weights, product(mixing, shapes)))
+        stiffness = weighted_gram(weights, product(mixing, curvatures))
+        reduced = product(product(inverse, stiffness), np.ascontiguousarray(inverse.T))
         values, vectors = symmetric_eigen(0.5 * (reduced + reduced.T))
-        mixing = 0.5 * np.einsum('ki,kl,lj->ij', vectors, inverse, mixing)
-    ends = np.einsum('ij,jq->iq', mixing, family(name, mixing.shape[1], np.ones(1), 0))[:, 0]
+        turned = product(np.ascontiguousarray(vectors.T), inverse)
+        mixing = 0.5 * product(turned, mixing)
+    ends = product(mixing, family(name, mixing.shape[1], np.ones(1), 0))[:, 0]
     mixing = mixing * np.where(ends < 0.0, -1.0, 1.0)[:, None]
     return Basis(name, mixing, 0.25 * values)

@@ -44,8 +44,9 @@ from typing import NamedTuple
 from flexarm_ros.core.basis import Basis, identity, orthogonal_basis
 from flexarm_ros.core.basis_integrals import linear_integrals
 from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.elementary import sincos
 from flexarm_ros.core.parameters import PlantParameters
-from flexarm_ros.core.small_linalg import symmetric_eigen
+from flexarm_ros.core.small_linalg import product, symmetric_eigen, weighted_gram
 import numpy as np
 
 FINE = 12
@@ -111,16 +112,16 @@ def _total(values: FloatArray) -> float:
 
 def _principal(shapes: FloatArray, weights: FloatArray, count: int) -> FloatArray:
     """Return the ``count`` strongest directions ``(count, FINE)`` of weighted rows."""
-    gram = np.einsum('s,si,sj->ij', weights, shapes, shapes)
+    gram = weighted_gram(weights, np.ascontiguousarray(shapes.T))
     _, vectors = symmetric_eigen(gram)
     return np.ascontiguousarray(vectors[:, ::-1][:, :count].T)
 
 
 def _misfit(shapes: FloatArray, kept: FloatArray) -> FloatArray:
     """Return the squared norm of each row of ``shapes`` outside the span of ``kept``."""
-    parts = np.einsum('si,ki->sk', shapes, kept)
-    rest = shapes - np.einsum('sk,ki->si', parts, kept)
-    return np.asarray(np.einsum('si,si->s', rest, rest))
+    parts = product(shapes, np.ascontiguousarray(kept.T))
+    rest = shapes - product(parts, kept)
+    return np.array([_total(row * row) for row in rest])
 
 
 def _means(values: FloatArray, groups: FloatArray) -> FloatArray:
@@ -144,7 +145,9 @@ def _mode_shapes(
     squares; free joints, which have no stiffness, are eliminated exactly.
     """
     pairs = zip(arm.flexural_rigidity, arm.length, strict=True)
-    scale = np.array([math.sqrt(rigidity / length**3) for rigidity, length in pairs])
+    scale = np.array(
+        [math.sqrt(rigidity / (length * length * length)) for rigidity, length in pairs]
+    )
     inverse = np.concatenate([[1.0, 1.0], np.repeat(1.0 / scale, FINE)])
     served = max(SERVED, arm.modes) + 1
     rows: list[FloatArray] = []
@@ -211,17 +214,19 @@ def straight_mass(arm: Arm, theta2: float) -> FloatArray:
     turns[1, first] = integral.end_slope / arm.length[0]
     start = np.zeros(size)
     start[0], start[first] = arm.length[0], integral.end
+    sine, cosine = sincos(theta2)
     mass = np.zeros((size, size))
     mass[0, 0], mass[1, 1] = arm.hub_inertia
     for link, part in ((0, first), (1, second)):
-        along = start * math.sin(theta2) if link else 0.0 * start
-        across = start * math.cos(theta2) if link else 0.0 * start
+        along = start * sine if link else 0.0 * start
+        across = start * cosine if link else 0.0 * start
         length, total = arm.length[link], arm.mass_density[link] * arm.length[link]
         shape, slope = np.zeros(size), turns[link].copy()
         tip = across + length * turns[link]
         tip[part] += integral.end
         slope[part] += integral.end_slope / length
-        mass += total * (_square(along) + _square(across) + length**2 / 3.0 * _square(turns[link]))
+        mass += total * (_square(along) + _square(across))
+        mass += total * (length * length / 3.0) * _square(turns[link])
         mass += 0.5 * total * length * _cross(across, turns[link])
         shape[part] = integral.mean
         mass += total * _cross(across, shape)

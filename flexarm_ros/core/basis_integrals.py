@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.basis import Basis, composite_rule, gauss5, PANELS
 from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.small_linalg import product, weighted_gram
 import numpy as np
 
 
@@ -62,10 +63,11 @@ def linear_integrals(basis: Basis) -> LinearIntegrals:
     """Return the integrals of the shape functions, by the composite Gauss rule."""
     nodes, weights = composite_rule()
     phi = basis.shape(nodes)
+    first = product(phi, np.stack([weights, weights * nodes], axis=1))
     return LinearIntegrals(
-        mean=np.einsum('q,iq->i', weights, phi),
-        moment=np.einsum('q,iq->i', weights * nodes, phi),
-        mass=np.einsum('q,iq,jq->ij', weights, phi, phi),
+        mean=np.ascontiguousarray(first[:, 0]),
+        moment=np.ascontiguousarray(first[:, 1]),
+        mass=weighted_gram(weights, phi),
         end=basis.shape(1.0)[:, 0],
         end_slope=basis.shape(1.0, 1)[:, 0],
     )
@@ -76,11 +78,15 @@ def shortening_integrals(basis: Basis) -> ShorteningIntegrals:
     nodes, weights = composite_rule()
     phi = basis.shape(nodes)
     g = _running_shortening(basis)
+    n = len(phi)
+    flat = np.ascontiguousarray(g.reshape(len(nodes), n * n))
+    first = product(np.stack([weights, weights * nodes]), flat)
+    weighted = np.ascontiguousarray((weights[:, None] * flat).T)
     return ShorteningIntegrals(
-        short=np.einsum('q,qij->ij', weights, g),
-        short_moment=np.einsum('q,qij->ij', weights * nodes, g),
-        cross=np.einsum('q,iq,qjk->ijk', weights, phi, g),
-        quartic=np.einsum('q,qij,qkl->ijkl', weights, g, g),
+        short=first[0].reshape(n, n),
+        short_moment=first[1].reshape(n, n),
+        cross=product(weights * phi, flat).reshape(n, n, n),
+        quartic=product(weighted, flat).reshape(n, n, n, n),
         end_short=basis.shortening(1.0),
     )
 
@@ -98,9 +104,16 @@ def _running_shortening(basis: Basis) -> FloatArray:
     inside = np.tile(nodes, PANELS)
     nested = (starts[:, None] + inside[:, None] * nodes) / PANELS
     slopes = basis.shape(nested.ravel(), 1).reshape(-1, len(points), len(nodes))
-    part = np.einsum('p,q,ipq,jpq->pij', inside / PANELS, weights, slopes, slopes)
+    part = _panel_grams(np.multiply.outer(inside / PANELS, weights), slopes)
     slopes = basis.shape(points, 1).reshape(-1, PANELS, len(nodes))
-    panel_weights = all_weights.reshape(PANELS, len(nodes))
-    whole = np.cumsum(np.einsum('pq,ipq,jpq->pij', panel_weights, slopes, slopes), axis=0)
-    before = np.concatenate([np.zeros_like(whole[:1]), whole[:-1]])
+    whole = _panel_grams(all_weights.reshape(PANELS, len(nodes)), slopes)
+    before = np.zeros_like(whole)
+    for panel in range(1, PANELS):
+        before[panel] = before[panel - 1] + whole[panel - 1]
     return np.asarray(part + np.repeat(before, len(nodes), axis=0))
+
+
+def _panel_grams(weights: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return `weighted_gram` of each panel; ``weights`` (p, q), ``slopes`` (N, p, q)."""
+    panels = np.ascontiguousarray(slopes.transpose(1, 0, 2))
+    return np.array([weighted_gram(w, rows) for w, rows in zip(weights, panels, strict=True)])

@@ -30,7 +30,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.elementary import exp, sincos
 import numpy as np
 
 AMPLITUDE = 0.1
@@ -41,17 +42,64 @@ def clamped_free_root(index: int) -> float:
     """
     Return root number ``index`` (from 0) of cos(z) cosh(z) + 1 = 0, z = lambda L.
 
-    Newton's method on cos(z) + 1 / cosh(z), which has the same roots and does
-    not grow with z, from the paper's approximation (0.597 pi for the first).
+    From the paper's approximation (0.597 pi for the first).
     """
-    z = (index + 0.5) * math.pi if index else 1.875
+    return clamped_free_mode(index)[0]
+
+
+def clamped_free_mode(index: int) -> tuple[float, float]:
+    """Return root number ``index`` and 1 - k there, k as in (8)."""
+    found: tuple[float, float] = beam_mode((index + 0.5) * math.pi if index else 1.875, 1.0)
+    return found
+
+
+@compiled
+def beam_mode(z: float, sign: float) -> tuple[float, float]:
+    """
+    Return the root of cos(z) cosh(z) + ``sign`` = 0 near ``z``, and 1 - k there.
+
+    ``sign`` is 1 for a free end, -1 for a clamped one.  Newton's method on
+    cos(z) + sign / cosh(z), which has the same roots and does not grow with z.
+    """
     for _ in range(50):
-        sech = 1.0 / math.cosh(z)
-        step = (math.cos(z) + sech) / (math.sin(z) + sech * math.tanh(z))
+        sine, cosine = sincos(z)
+        fall = exp(-z)
+        square = fall * fall
+        sech = sign * 2.0 * fall / (1.0 + square)
+        tanh = (1.0 - square) / (1.0 + square)
+        step = (cosine + sech) / (sine + sech * tanh)
         z += step
         if abs(step) <= 1e-15 * z:
             break
-    return z
+    sine, cosine = sincos(z)
+    fall = exp(-z)
+    sinh = 0.5 * (1.0 / fall - fall)
+    return z, (sign * (sine - cosine) - fall) / (sinh + sign * sine)
+
+
+@compiled
+def beam_shape(root: float, rest: float, xi: FloatArray, order: int) -> FloatArray:
+    """
+    Return d^order of cosh z - cos z - (1 - rest) (sinh z - sin z), z = root xi.
+
+    At ``xi`` ``(points,)``, order 0, 1 or 2.  cosh - k sinh is written as
+    exp(-z) + (1 - k) sinh(z), with 1 - k in the closed form of `beam_mode`: as
+    printed, (8) cancels to noise near the end of a link.
+    """
+    k = 1.0 - rest
+    out = np.zeros(xi.shape[0])
+    for i in range(xi.shape[0]):
+        z = root * xi[i]
+        sine, cosine = sincos(z)
+        fall = exp(-z)
+        rise = 1.0 / fall
+        if order == 0:
+            out[i] = fall + rest * 0.5 * (rise - fall) - cosine + k * sine
+        elif order == 1:
+            out[i] = root * (-fall + rest * 0.5 * (rise + fall) + sine + k * cosine)
+        else:
+            out[i] = root * root * (fall + rest * 0.5 * (rise - fall) + cosine - k * sine)
+    return out
 
 
 @dataclass(frozen=True)
@@ -76,14 +124,14 @@ class ClampedFreeModes:
     @property
     def frequencies(self) -> FloatArray:
         """omega_ci in rad/s, equation (9)."""
-        scale = math.sqrt(self.flexural_rigidity / (self.mass_density * self.length**4))
-        return self.roots**2 * scale
+        square = self.length * self.length
+        scale = math.sqrt(self.flexural_rigidity / (self.mass_density * square * square))
+        return self.roots * self.roots * scale
 
     @property
     def ratios(self) -> FloatArray:
         """k_ci of (8)."""
-        z = self.roots
-        return np.asarray((np.cos(z) + np.cosh(z)) / (np.sin(z) + np.sinh(z)))
+        return np.array([1.0 - clamped_free_mode(i)[1] for i in range(self.count)])
 
     def shape(self, x: float) -> FloatArray:
         """phi_i(x) of (8), m a unit of the modal coordinate; x in m from the clamp."""
@@ -98,37 +146,28 @@ class ClampedFreeModes:
         return self._derivative(x, 2)
 
     def _derivative(self, x: float, order: int) -> FloatArray:
-        # cosh - k sinh is written as exp(-z) + (1 - k) sinh(z), with 1 - k in a
-        # closed form: as printed, (8) cancels to noise near the end of a link.
-        root = self.roots
-        z = root * (x / self.length)
-        rest = (np.sin(root) - np.cos(root) - np.exp(-root)) / (np.sin(root) + np.sinh(root))
-        k = 1.0 - rest
-        if order % 2:
-            hyperbolic = -np.exp(-z) + rest * np.cosh(z)
-        else:
-            hyperbolic = np.exp(-z) + rest * np.sinh(z)
-        circular = {
-            0: -np.cos(z) + k * np.sin(z),
-            1: np.sin(z) + k * np.cos(z),
-            2: np.cos(z) - k * np.sin(z),
-        }[order]
-        return np.asarray(AMPLITUDE * (root / self.length) ** order * (hyperbolic + circular))
+        at = np.array([x / self.length])
+        scale = AMPLITUDE
+        for _ in range(order):
+            scale /= self.length
+        shapes = [beam_shape(*clamped_free_mode(i), at, order)[0] for i in range(self.count)]
+        return scale * np.array(shapes)
 
     @property
     def modal_mass(self) -> FloatArray:
         """Integral of rho phi_i^2, kg: the modes are orthogonal, (12)."""
-        return np.full(self.count, self.mass_density * AMPLITUDE**2 * self.length)
+        return np.full(self.count, self.mass_density * (AMPLITUDE * AMPLITUDE) * self.length)
 
     @property
     def modal_stiffness(self) -> FloatArray:
         """Integral of EI phi_i''^2, N m: (13), with q where the paper prints its rate."""
-        return self.modal_mass * self.frequencies**2
+        return self.modal_mass * (self.frequencies * self.frequencies)
 
     @property
     def first_moment(self) -> FloatArray:
         """Integral of rho x phi_i, kg m.  From (6): rho phi_i''(0) / lambda_i^4."""
-        return 2.0 * AMPLITUDE * self.mass_density * (self.length / self.roots) ** 2
+        part = self.length / self.roots
+        return 2.0 * AMPLITUDE * self.mass_density * (part * part)
 
     @property
     def mean(self) -> FloatArray:

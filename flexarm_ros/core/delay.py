@@ -41,6 +41,7 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.elementary import exp, sincos
 import numpy as np
 
 CHANNELS = 4
@@ -144,8 +145,9 @@ def pade2_matrices(ratio: float) -> FloatArray:
         return np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])
     # Poles -3 +- i sqrt(3): z1 of a free motion is e^(-3r) (cos wr + ...).
     omega = math.sqrt(3.0)
-    fall = math.exp(-3.0 * ratio)
-    cosine, sine = fall * math.cos(omega * ratio), fall * math.sin(omega * ratio) / omega
+    fall = exp(-3.0 * ratio)
+    sine, cosine = sincos(omega * ratio)
+    cosine, sine = fall * cosine, fall * sine / omega
     free = np.array([[cosine + 3.0 * sine, sine], [-12.0 * sine, cosine - 3.0 * sine]])
     # Ramp input u = u0 + g t is followed by z1 = u - g / 2, z2 = g: a free
     # motion of the difference from there remains.

@@ -25,6 +25,7 @@ import math
 
 from flexarm_ros.core.beam import ClampedFreeModes
 from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.elementary import acos, atan2, sincos
 from flexarm_ros.core.parameters import PlantParameters
 import numpy as np
 
@@ -39,9 +40,10 @@ def rigid_point(
     length1: float, beyond: float, th1: float, th2: float, dth1: float, dth2: float
 ) -> tuple[float, float, float, float]:
     """Return x, y, vx, vy of the point ``beyond`` m past the elbow of the rigid arm."""
-    a, b = th1, th1 + th2
-    x1, y1 = length1 * math.cos(a), length1 * math.sin(a)
-    x2, y2 = beyond * math.cos(b), beyond * math.sin(b)
+    s1, c1 = sincos(th1)
+    s2, c2 = sincos(th1 + th2)
+    x1, y1 = length1 * c1, length1 * s1
+    x2, y2 = beyond * c2, beyond * s2
     turn = dth1 + dth2
     return x1 + x2, y1 + y2, -y1 * dth1 - y2 * turn, x1 * dth1 + x2 * turn
 
@@ -77,9 +79,8 @@ def elastic_point(
             du1 -= shortening[0, i, j] * q[2 + i] * qd[2 + j]
             u2 -= 0.5 * shortening[1, i, j] * q[2 + count + i] * q[2 + count + j]
             du2 -= shortening[1, i, j] * q[2 + count + i] * qd[2 + count + j]
-    c1, s1 = math.cos(q[0]), math.sin(q[0])
-    angle = q[0] + turn + q[1]
-    c2, s2 = math.cos(angle), math.sin(angle)
+    s1, c1 = sincos(q[0])
+    s2, c2 = sincos(q[0] + turn + q[1])
     rate = qd[0] + dturn + qd[1]
     x = u1 * c1 - w1 * s1 + u2 * c2 - w2 * s2
     y = u1 * s1 + w1 * c1 + u2 * s2 + w2 * c2
@@ -186,7 +187,7 @@ def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, flo
     Raises ``ValueError`` where the point is out of reach.
     """
     length1, length2 = lengths
-    radius = math.hypot(x, y)
+    radius = math.sqrt(x * x + y * y)
     low, high = reach(lengths)
     slack = REACH_TOLERANCE * high
     if not low - slack <= radius <= high + slack:
@@ -194,9 +195,16 @@ def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, flo
             f'({x:.6g}, {y:.6g}) m is {radius:.6g} m from the shoulder, '
             f'reached are {low:.6g} to {high:.6g} m'
         )
+    angles: tuple[float, float] = _angles_to(length1, length2, radius, x, y)
+    return angles
+
+
+@compiled
+def _angles_to(
+    length1: float, length2: float, radius: float, x: float, y: float
+) -> tuple[float, float]:
+    """Return the joint angles for a point ``radius`` m away, held to what can be reached."""
     cosine = (radius * radius - length1 * length1 - length2 * length2) / (2.0 * length1 * length2)
-    theta2 = math.acos(min(1.0, max(-1.0, cosine)))
-    theta1 = math.atan2(y, x) - math.atan2(
-        length2 * math.sin(theta2), length1 + length2 * math.cos(theta2)
-    )
-    return theta1, theta2
+    theta2 = acos(min(1.0, max(-1.0, cosine)))
+    s, c = sincos(theta2)
+    return atan2(y, x) - atan2(length2 * s, length1 + length2 * c), theta2

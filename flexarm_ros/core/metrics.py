@@ -169,8 +169,10 @@ def accumulate(sums: FloatArray, block: FloatArray) -> None:
     """
     for i in range(block.shape[0]):
         ref_x, ref_y = block[i, _REFERENCE], block[i, _REFERENCE + 1]
-        rigid = (block[i, _RIGID] - ref_x) ** 2 + (block[i, _RIGID + 1] - ref_y) ** 2
-        tip = (block[i, _TIP] - ref_x) ** 2 + (block[i, _TIP + 1] - ref_y) ** 2
+        dx, dy = block[i, _RIGID] - ref_x, block[i, _RIGID + 1] - ref_y
+        rigid = dx * dx + dy * dy
+        dx, dy = block[i, _TIP] - ref_x, block[i, _TIP + 1] - ref_y
+        tip = dx * dx + dy * dy
         sums[0] += rigid
         sums[1] = max(sums[1], rigid)
         sums[2] += tip

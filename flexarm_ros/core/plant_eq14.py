@@ -33,12 +33,12 @@ balance the ledger are those that (14) leaves out.
 
 from __future__ import annotations
 
-import math
-
 from flexarm_ros.core.beam import ClampedFreeModes
 from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.elementary import sincos
 from flexarm_ros.core.linear import solve_symmetric
 from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.small_linalg import largest_rate
 import numpy as np
 
 
@@ -100,7 +100,7 @@ class Eq14Matrices:
 
     def mass_at(self, theta2: float) -> FloatArray:
         """Return the mass matrix ``(n, n)`` at elbow angle ``theta2``, rad."""
-        return np.asarray(self.mass[0] + math.cos(theta2) * self.mass[1])
+        return np.asarray(self.mass[0] + sincos(theta2)[1] * self.mass[1])
 
     def highest_rate(self) -> float:
         """
@@ -110,21 +110,15 @@ class Eq14Matrices:
         since M is linear in it, and so is its largest value: the straight and
         the folded arm bound all others.
         """
-        return max(self._highest_rate(angle) for angle in (0.0, math.pi))
-
-    def _highest_rate(self, theta2: float) -> float:
-        size = len(self.stiffness)
-        inverse = np.linalg.inv(self.mass_at(theta2))
-        system = np.zeros((2 * size, 2 * size))
-        system[:size, size:] = np.eye(size)
-        system[size:, :size] = -inverse * self.stiffness
-        system[size:, size:] = -inverse * self.damping
-        return float(np.max(np.abs(np.linalg.eigvals(system))))
+        return max(
+            largest_rate(self.mass[0] + cosine * self.mass[1], self.damping, self.stiffness)
+            for cosine in (1.0, -1.0)
+        )
 
 
 def _link_mass(link: ClampedFreeModes, turn: FloatArray, part: slice) -> FloatArray:
     """Mass matrix of a link about its own start, which turns with ``turn`` . qd."""
-    inertia = link.mass_density * link.length**3 / 3.0
+    inertia = link.mass_density * (link.length * link.length * link.length) / 3.0
     modal = np.zeros(len(turn))
     modal[part] = link.first_moment
     matrix = inertia * np.outer(turn, turn) + np.outer(turn, modal) + np.outer(modal, turn)
@@ -147,12 +141,12 @@ def _acceleration(
 ) -> None:
     """Solve (14) for the accelerations, into ``out``."""
     n = q.shape[0]
-    cosine = math.cos(q[1])
+    sine, cosine = sincos(q[1])
     for i in range(n):
         for j in range(i + 1):
             matrix[i, j] = mass[0, i, j] + cosine * mass[1, i, j]
         out[i] = -diagonals[0, i] * q[i] - diagonals[1, i] * qd[i]
-    swirl = coupling * math.sin(q[1])
+    swirl = coupling * sine
     out[0] += tau1 + swirl * qd[1] * (2.0 * qd[0] + qd[1])
     out[1] += tau2 - swirl * qd[0] * qd[0]
     solve_symmetric(matrix, out)

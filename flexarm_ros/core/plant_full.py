@@ -30,6 +30,7 @@ from flexarm_ros.core.plant_full_dynamics import (
     step,
 )
 from flexarm_ros.core.plant_full_model import DAMPING, make_constants, STIFFNESS
+from flexarm_ros.core.small_linalg import largest_rate
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
@@ -122,17 +123,11 @@ def elastic_diagonals(plant: PlantParameters) -> tuple[FloatArray, FloatArray]:
 def highest_frequency(config: RunConfig) -> float:
     """Return the largest natural rate |s| of the straight-linked arm, 1/s, over elbow angles."""
     stiffness, damping = elastic_diagonals(config.plant)
-    size = len(stiffness)
+    q = np.zeros(len(stiffness))
     highest = 0.0
-    for angle in np.linspace(0.0, math.pi, _ANGLES):
-        q = np.zeros(size)
-        q[1] = angle
-        inverse = np.linalg.inv(mass_matrix(config.plant, q))
-        system = np.zeros((2 * size, 2 * size))
-        system[:size, size:] = np.eye(size)
-        system[size:, :size] = -inverse * stiffness
-        system[size:, size:] = -inverse * damping
-        highest = max(highest, float(np.max(np.abs(np.linalg.eigvals(system)))))
+    for pose in range(_ANGLES):
+        q[1] = math.pi * pose / (_ANGLES - 1)
+        highest = max(highest, largest_rate(mass_matrix(config.plant, q), damping, stiffness))
     return highest
 
 

@@ -32,6 +32,7 @@ import math
 from typing import TypeAlias
 
 from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.elementary import sincos
 from flexarm_ros.core.plant_full_link import FW, FX, FY, link_terms, SPIN_INERTIA, SX, SY
 from flexarm_ros.core.plant_full_model import (
     Constants,
@@ -111,7 +112,7 @@ def mass_and_bias(
             single[link], flexible[link], vec[2 + link], vec[4 + link], vec[6 + link], vec[8],
         )  # fmt: skip
     # Into link 2's axes: link 1's end velocity a unit of each rate, and what is left.
-    c, s = math.cos(q[1] + turn), math.sin(q[1] + turn)
+    s, c = sincos(q[1] + turn)
     for i in range(n):
         x, y = reach_x[i], vectors[0, END, i]
         reach_x[i] = c * x + s * y
@@ -289,5 +290,6 @@ def energy(
     elastic = 0.0
     for link in range(2):
         for i in range(n):
-            elastic += 0.5 * con.vectors[link, STIFFNESS, i] * q[2 + link * n + i] ** 2
+            at = q[2 + link * n + i]
+            elastic += 0.5 * con.vectors[link, STIFFNESS, i] * at * at
     return kinetic + elastic, momentum

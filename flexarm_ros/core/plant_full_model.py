@@ -110,12 +110,13 @@ def _link(
     integral, short = linear_integrals(basis), shortening_integrals(basis)
     end, slope = integral.end, integral.end_slope / length
     shortening = short.end_short / length
-    stiffness = plant.flexural_rigidity[link] / length**3 * basis.stiffness
+    square = length * length
+    stiffness = plant.flexural_rigidity[link] / (length * square) * basis.stiffness
     scalars = np.array(
         [
             mass + end_mass,
             0.5 * mass * length + end_mass * length,
-            mass * length**2 / 3.0 + end_mass * length**2 + end_inertia,
+            mass * square / 3.0 + end_mass * square + end_inertia,
             length,
         ]
     )
@@ -139,6 +140,6 @@ def _link(
         ]
     )
     cross = mass / length * short.cross + end_mass * np.multiply.outer(end, shortening)
-    quartic = mass / length**2 * short.quartic
+    quartic = mass / square * short.quartic
     quartic = quartic + end_mass * np.multiply.outer(shortening, shortening)
     return scalars, vectors, matrices, cross, np.transpose(quartic, (0, 2, 1, 3))

@@ -49,7 +49,7 @@ class Rows:
         self._reference = Reference(config)
         self._lengths = config.plant.length
         elbow = make_point(config.plant, self._lengths[0], elastic=True)
-        tip = make_point(config.plant, sum(self._lengths), elastic=True)
+        tip = make_point(config.plant, self._lengths[0] + self._lengths[1], elastic=True)
         self._shapes = (elbow.shapes, elbow.shortening, tip.shapes, tip.shortening)
 
     def row(

@@ -21,17 +21,21 @@ they are added to the delayed value.  They act on positions; rates are taken
 as a measurement of their own and stay ideal (differencing the angles would
 give noise of sqrt(2) noise_std / tick on them).
 
-Noise comes from numpy's PCG64, seeded by ``seed`` and the sensor's name: the
-same in every process layout.
+Noise is made of the bits of numpy's PCG64, seeded by ``seed`` and the sensor's
+name: the same in every process layout.  Of these, NumPy keeps the sequence
+between versions; of its normal numbers it does not, and they depend on the C
+library's logarithm.
 """
 
 from __future__ import annotations
 
 from decimal import Decimal
 from fractions import Fraction
+import math
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.delay import BufferDelay, PadeDelay, Sample4
+from flexarm_ros.core.elementary import log
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
@@ -47,15 +51,38 @@ class Noise:
 
     def __init__(self, seed: int, name: str) -> None:
         sequence = np.random.SeedSequence(seed, spawn_key=tuple(name.encode()))
-        self._generator = np.random.Generator(np.random.PCG64(sequence))
+        self._bits = np.random.PCG64(sequence)
         self._block: list[list[float]] = []
 
     def pair(self) -> tuple[float, float]:
         """Return the next two numbers of the sequence."""
-        if not self._block:
-            self._block = self._generator.standard_normal((_BLOCK, 2)).tolist()[::-1]
+        while not self._block:
+            bits = self._bits.random_raw((_BLOCK, 2))
+            # The upper 53 bits as a number from -1 to 1, exactly.
+            points = (bits >> np.uint64(11)).astype(float) * 2.0**-52 - 1.0
+            count = make_normal(points)
+            self._block = points[:count][::-1].tolist()
         first, second = self._block.pop()
         return first, second
+
+
+@compiled
+def make_normal(points: FloatArray) -> int:
+    """
+    Replace ``points`` ``(n, 2)`` of the square from -1 to 1 by pairs of normal numbers.
+
+    Those within the unit circle make a pair each (Marsaglia's polar method);
+    the pairs come first in ``points``, in order.  Returns their number.
+    """
+    count = 0
+    for i in range(points.shape[0]):
+        x, y = points[i, 0], points[i, 1]
+        square = x * x + y * y
+        if 0.0 < square < 1.0:
+            factor = math.sqrt(-2.0 * log(square) / square)
+            points[count, 0], points[count, 1] = x * factor, y * factor
+            count += 1
+    return count
 
 
 class _Latency:

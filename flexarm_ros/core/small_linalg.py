@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-Eigenvalues and factors of matrices of a few rows, the same to the last bit everywhere.
+Products, factors and eigenvalues of small matrices, the same to the last bit everywhere.
 
-LAPACK's last bits may change with its threads and its blocking; what these
-functions give goes into the numbers of a run, which must not.
+The last bits of BLAS, LAPACK and ``einsum`` change with threads, blocking and
+the vector unit; what these functions give goes into the numbers of a run, which
+must not.
 """
 
 from __future__ import annotations
@@ -97,3 +98,91 @@ def inverse_factor(matrix: FloatArray) -> FloatArray:
                 s -= low[i, k] * inverse[k, j]
             inverse[i, j] = s / low[i, i]
     return inverse
+
+
+@compiled
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a b ``(n, m)``, of shapes ``(n, k)`` and ``(k, m)``."""
+    out = np.zeros((a.shape[0], b.shape[1]))
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            factor = a[i, k]
+            for j in range(b.shape[1]):
+                out[i, j] += factor * b[k, j]
+    return out
+
+
+@compiled
+def weighted_gram(weights: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return the sums ``(n, n)`` of weight_q row_iq row_jq; ``rows`` ``(n, points)``."""
+    n = rows.shape[0]
+    out = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for q in range(rows.shape[1]):
+                total += weights[q] * rows[i, q] * rows[j, q]
+            out[i, j] = total
+    return out
+
+
+_SQUARINGS = 40
+
+
+@compiled
+def spectral_radius(matrix: FloatArray) -> float:
+    """
+    Return the largest modulus of an eigenvalue: the limit of ||A^m||^(1/m) (Gelfand).
+
+    m is 2^40, by squaring: the norm's excess over the radius, and the rounding of
+    each square, count with the m-th root.
+    """
+    a = matrix.copy()
+    n = a.shape[0]
+    norms = np.zeros(_SQUARINGS)
+    for round in range(_SQUARINGS):
+        total = 0.0
+        for i in range(n):
+            for j in range(n):
+                total += a[i, j] * a[i, j]
+        norms[round] = math.sqrt(total)
+        if total == 0.0:
+            return 0.0
+        for i in range(n):
+            for j in range(n):
+                a[i, j] /= norms[round]
+        a = product(a, a)
+    radius = 1.0
+    for round in range(_SQUARINGS - 1, -1, -1):
+        radius = norms[round] * math.sqrt(radius)
+    return radius
+
+
+@compiled
+def largest_rate(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> float:
+    """
+    Return the largest |s| of M s^2 + D s + K, with M ``(n, n)`` positive definite.
+
+    ``damping`` and ``stiffness`` ``(n,)`` are the diagonals of D and K.
+    """
+    n = mass.shape[0]
+    inverse = inverse_factor(mass)
+    # In coordinates of unit mass, the positions scaled by a rate so that all blocks are alike.
+    springs, dampers = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for k in range(n):
+                both = inverse[i, k] * inverse[j, k]
+                springs[i, j] += both * stiffness[k]
+                dampers[i, j] += both * damping[k]
+    trace = 0.0
+    for i in range(n):
+        trace += springs[i, i]
+    scale = math.sqrt(trace)
+    system = np.zeros((2 * n, 2 * n))
+    for i in range(n):
+        system[i, n + i] = scale
+        for j in range(n):
+            system[n + i, j] = -springs[i, j] / scale
+            system[n + i, n + j] = -dampers[i, j]
+    return spectral_radius(system)

@@ -108,19 +108,23 @@ class Path:
         return _corner(turns[index], 0) if index < len(turns) else None
 
 
+def _distance(x: float, y: float) -> float:
+    return math.sqrt(x * x + y * y)
+
+
 def _turns(side: Side, after: Side | None) -> bool:
     if side.dx == 0.0 and side.dy == 0.0:
         return False
     if after is None:
         return True
-    old, new = math.hypot(side.dx, side.dy), math.hypot(after.dx, after.dy)
+    old, new = _distance(side.dx, side.dy), _distance(after.dx, after.dy)
     cross = side.dx * after.dy - side.dy * after.dx
     dot = side.dx * after.dx + side.dy * after.dy
     return new == 0.0 or dot <= 0.0 or abs(cross) > 1e-9 * old * new
 
 
 def _corner(side: Side, offset_ns: int) -> Switch:
-    length = math.hypot(side.dx, side.dy)
+    length = _distance(side.dx, side.dy)
     time_ns = offset_ns + side.start_ns + side.time_ns
     return Switch(
         time_ns, side.x + side.dx, side.y + side.dy, side.dx / length, side.dy / length
@@ -134,9 +138,10 @@ def rest_to_rest(part: float) -> tuple[float, float, float]:
     The septic 35 p^4 - 84 p^5 + 70 p^6 - 20 p^7: velocity, acceleration and
     jerk vanish at both ends.
     """
-    p, r = part, 1.0 - part
-    share = p**4 * (35.0 + p * (-84.0 + p * (70.0 - 20.0 * p)))
-    return share, 140.0 * (p * r) ** 3, 420.0 * (p * r) ** 2 * (1.0 - 2.0 * p)
+    p = part
+    square, both = p * p, p * (1.0 - p)
+    share = square * square * (35.0 + p * (-84.0 + p * (70.0 - 20.0 * p)))
+    return share, 140.0 * both * both * both, 420.0 * both * both * (1.0 - 2.0 * p)
 
 
 def make_path(config: RunConfig) -> Path:
@@ -264,10 +269,10 @@ def check_reachable(config: RunConfig) -> None:
     slack = REACH_TOLERANCE * high
     for side in make_path(config).sides:
         for x, y in ((side.x, side.y), (side.x + side.dx, side.y + side.dy)):
-            if math.hypot(x, y) > high + slack:
+            if _distance(x, y) > high + slack:
                 raise ValueError(_unreachable(config, x, y, low, high))
         x, y = _nearest(side)
-        if math.hypot(x, y) < low - slack:
+        if _distance(x, y) < low - slack:
             raise ValueError(_unreachable(config, x, y, low, high))
 
 
@@ -290,6 +295,6 @@ def _key(config: RunConfig) -> str:
 
 def _unreachable(config: RunConfig, x: float, y: float, low: float, high: float) -> str:
     return (
-        f'{_key(config)}: ({x:.6g}, {y:.6g}) m is {math.hypot(x, y):.6g} m from the shoulder, '
+        f'{_key(config)}: ({x:.6g}, {y:.6g}) m is {_distance(x, y):.6g} m from the shoulder, '
         f'allowed: {low:.6g} to {high:.6g} m'
     )

@@ -34,10 +34,9 @@ arm is straight and at the elbow, and fails for a bent arm out of reach.
 
 from __future__ import annotations
 
-import math
-
 from flexarm_ros.core.compiled import compiled
 from flexarm_ros.core.control.law import Sample
+from flexarm_ros.core.elementary import sincos
 from flexarm_ros.core.kinematics import rigid_point
 from flexarm_ros.core.parameters import RunConfig
 
@@ -61,7 +60,8 @@ def tip_from_point(
     if rest == 0.0:
         return x, y, vx, vy
     angle, rate = th1 + th2, dth1 + dth2
-    c, s = rest * math.cos(angle), rest * math.sin(angle)
+    s, c = sincos(angle)
+    c, s = rest * c, rest * s
     return x + c, y + s, vx - s * rate, vy + c * rate
 
 
@@ -91,7 +91,7 @@ class TipFeedback:
         self._lengths = config.plant.length
         self._encoder = config.controller.feedback == 'encoder'
         self._joint_rates = config.controller.velocity_source == 'encoder'
-        self._rest = max(sum(self._lengths) - config.tip_sensor.location, 0.0)
+        self._rest = max(self._lengths[0] + self._lengths[1] - config.tip_sensor.location, 0.0)
 
     def __call__(self, sample: Sample) -> Point:
         """Return x, y (m) and vx, vy (m/s) of the tip, frame ``base``."""

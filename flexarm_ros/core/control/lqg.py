@@ -39,6 +39,7 @@ from flexarm_ros.core.control.design.plan import Grid
 from flexarm_ros.core.control.design.regulator import fill_regulator, RegulatorWeights
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.elementary import exp
 from flexarm_ros.core.kinematics import elastic_point
 from flexarm_ros.core.parameters import ControllerParameters, RunConfig, TipSensorParameters
 from flexarm_ros.core.plant_full_dynamics import step
@@ -97,15 +98,15 @@ def filter_model(
     start[-2:] = 0.0  # no torque disturbance at first
     wander = np.zeros(UNKNOWNS)
     if adapt:
-        wander[:3] = [(std * gains.adaptive_wander) ** 2 * period for std in unsure]
+        steps = [std * gains.adaptive_wander for std in unsure]
+        wander[:3] = [step * step * period for step in steps]
     considered = np.array([0.0 if adapt else 1.0] * 3 + [1.0] * 2)
-    variances = np.array([gains.lqg_angle_std**2, gains.lqg_rate_std**2, gains.lqg_tip_std**2])
-    noise = np.array(
-        [gains.lqg_torque_noise**2, gains.lqg_joint_noise**2, gains.lqg_elastic_noise**2]
-    )
+    measured = np.array([gains.lqg_angle_std, gains.lqg_rate_std, gains.lqg_tip_std])
+    driven = np.array([gains.lqg_torque_noise, gains.lqg_joint_noise, gains.lqg_elastic_noise])
     return FilterModel(
-        latency.whole, latency.part, latency.every, variances, noise, start, wander, considered
-    )
+        latency.whole, latency.part, latency.every, measured * measured, driven * driven, start,
+        wander, considered,
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4)
@@ -222,7 +223,7 @@ def predict_state(
     for i in range(2):
         z[size + i] = min(max(z[size + i], -_FARTHEST), _FARTHEST)
     if z[size] != 0.0 or z[size + 1] != 0.0:
-        ei, rho = math.exp(z[size]) - 1.0, math.exp(z[size + 1]) - 1.0
+        ei, rho = exp(z[size]) - 1.0, exp(z[size + 1]) - 1.0
         adjust(arm.con, arm.rigidity, arm.density, ei, rho, own)
     step(
         own, z[:n], z[n:size], tau1 + z[size + 3], tau2 + z[size + 4], grid.step, grid.substeps,

@@ -75,7 +75,9 @@ def make_arm(plant: PlantParameters, location: float) -> Arm:
     ei, rho = plant.flexural_rigidity, plant.mass_density
     stiff = make_constants_on(replace(plant, flexural_rigidity=(2 * ei[0], 2 * ei[1])), bases)
     heavy = make_constants_on(replace(plant, mass_density=(2 * rho[0], 2 * rho[1])), bases)
-    tip, sensed = (make_point(plant, at, True) for at in (sum(plant.length), location))
+    tip, sensed = (
+        make_point(plant, at, True) for at in (plant.length[0] + plant.length[1], location)
+    )
     size = 2 + 2 * plant.modes
     return Arm(
         con, _difference(stiff, con, 1.0), _difference(heavy, con, 1.0),

@@ -127,11 +127,13 @@ def knot_cost(
     """Return the cost rate at a knot, its torque rate's apart."""
     n = state.shape[0] // 2
     x, y = point_jacobian(arm.tip, state[:n], jacobian)
-    cost: float = weights.tip * ((x - at[0]) ** 2 + (y - at[1]) ** 2)
+    dx, dy = x - at[0], y - at[1]
+    cost: float = weights.tip * (dx * dx + dy * dy)
     for c in range(2):
-        cost += weights.torque * torque[c] ** 2
+        cost += weights.torque * torque[c] * torque[c]
         if weights.limit > 0.0:
-            cost += weights.excess * max(abs(torque[c]) - weights.limit, 0.0) ** 2
+            over = max(abs(torque[c]) - weights.limit, 0.0)
+            cost += weights.excess * over * over
     return cost
 
 
