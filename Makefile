@@ -52,6 +52,7 @@ bench: env
 
 validate: env
 	@$(BIN)/python -m validation
+	@$(BIN)/python -m validation.golden
 
 soak: env
 	@$(BIN)/python scripts/soak.py --minutes $(SOAK_MINUTES)

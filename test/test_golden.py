@@ -28,6 +28,18 @@ def test_a_run_is_as_it_was_frozen(name: str) -> None:
     assert golden.differences(name) == []
 
 
+@pytest.mark.parametrize(
+    'name', [*golden.QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in golden.SLOW)]
+)
+def test_a_run_has_the_bytes_that_were_frozen(name: str) -> None:
+    """On every machine, with every version: no refactoring may change one."""
+    assert golden.digest((golden.QUICK | golden.SLOW)[name]) == golden.frozen_digests()[name]
+
+
+def test_each_digest_is_of_a_case() -> None:
+    assert golden.frozen_digests().keys() == golden.QUICK.keys() | golden.SLOW.keys()
+
+
 def test_each_case_has_a_file_and_no_file_is_left_over() -> None:
     assert {path.stem for path in golden.DIRECTORY.glob('*.csv')} == set(golden.CASES)
 

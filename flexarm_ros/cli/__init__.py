@@ -42,6 +42,7 @@ COMMANDS = {
     'suite': ('suite', 'fly many scenarios and check what is expected of them'),
     'replay': ('replay', 'publish a recorded run again'),
     'verify': ('verify', 'recompute a recorded run and compare every message'),
+    'digest': ('digest', 'one SHA-256 of all messages of a run'),
     'recover': ('recover', 'rescue a damaged bag into a new one'),
     'report': ('report', 'pictures and one HTML page of runs'),
     'modes': ('modes', 'natural frequencies of the arm'),
