@@ -53,6 +53,7 @@ bench: env
 validate: env
 	@$(BIN)/python -m validation
 	@$(BIN)/python -m validation.golden
+	@$(BIN)/python -m validation.versions
 
 soak: env
 	@$(BIN)/python scripts/soak.py --minutes $(SOAK_MINUTES)
