@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from bagtools import OPEN_LOOP, small_config, small_messages, write_small
@@ -277,8 +278,36 @@ def test_says_that_versions_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     verdict = verify(bag)
     assert verdict.same
     assert verdict.versions == [f'numpy 1.0.0, here {here.versions["numpy"]}']
+    assert not verdict.other_source
     monkeypatch.setattr(provenance, '_digest', lambda: '0' * 64)
-    assert any('source' in text for text in verify(bag).versions)
+    verdict = verify(bag)
+    assert verdict.other_source
+    assert any('source' in text for text in verdict.versions)
+
+
+def test_a_free_running_run_is_verified_node_by_node(tmp_path: Path) -> None:
+    config = replace(CONFIG, run=replace(CONFIG.run, sync='free'))
+    verdict = verify(write_messages(tmp_path / 'bag', config))
+    assert verdict.same and 'closed loop' not in verdict.compared
+    assert any('node by node' in note for note in verdict.notes)
+
+
+@pytest.mark.parametrize(
+    ('digest', 'said'), [('', 'the source is the same'), ('00', 'other source')]
+)
+def test_says_what_should_have_been_the_same(
+    digest: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    here = Provenance.here()
+    origin = Provenance('', here.versions, here.commit, digest or here.digest)
+    bag = write_messages(
+        tmp_path / 'bag', CONFIG, origin=origin,
+        alter=lambda k, t, data: data[:-1] + b'\x01' if t == COMMAND else data,
+    )  # fmt: skip
+    assert main(['verify', str(bag)]) == 1
+    out = capsys.readouterr().out
+    assert said in out
+    assert ('the source is the same' in out) == (not digest)
 
 
 def test_metadata_that_counts_otherwise(tmp_path: Path) -> None:

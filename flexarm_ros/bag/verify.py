@@ -71,7 +71,8 @@ class Verdict:
     and ``first`` has its first difference, ``differing`` how many messages
     differ.  ``notes`` are to be told but no fault, ``faults`` are faults of
     the bag beside differing messages.  ``versions`` tells what differs between
-    then and now.
+    then and now; ``other_source`` that the source does, without which every
+    number must be the same, on any machine and with any versions.
     """
 
     ticks: int = 0
@@ -82,6 +83,7 @@ class Verdict:
     notes: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     versions: list[str] = field(default_factory=list)
+    other_source: bool = False
 
     @property
     def same(self) -> bool:
@@ -151,7 +153,8 @@ class _Run:
         self._topics = reader.topics
         self._comparison = _Comparison(reader, verdict)
         self._nodes = Nodes(reader.config, reader.topics, skip)
-        self._loop = None if skip else ClosedLoop(reader.config)
+        free = reader.config.run.sync == 'free'
+        self._loop = None if skip or free else ClosedLoop(reader.config)
         self._agenda = Agenda(reader.config.changes)
         self._last = -1
         self._missing = _Missing()
@@ -307,6 +310,8 @@ def verify(
         verdict.notes.append(
             f'not ours, taken as recorded: {", ".join(sorted(skip))}; closed loop not computed'
         )
+    elif reader.config.run.sync == 'free':
+        verdict.notes.append('a free-running run: verified node by node; closed loop not computed')
     walk = _Run(reader, skip, verdict)
     _say_origin(reader, skip, verdict)
     try:
@@ -323,7 +328,9 @@ def verify(
 def _say_origin(reader: BagReader, skip: frozenset[str], verdict: Verdict) -> None:
     """Say what differs between the recording and here, and what the bag lacks altogether."""
     if reader.provenance.versions:
-        verdict.versions = reader.provenance.differences(Provenance.here())
+        here = Provenance.here()
+        verdict.versions = reader.provenance.differences(here)
+        verdict.other_source = reader.provenance.digest != here.digest
     else:
         verdict.notes.append('the bag does not tell the versions that it was recorded with')
     verdict.notes += reader.notes

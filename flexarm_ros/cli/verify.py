@@ -24,6 +24,8 @@ from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
 if TYPE_CHECKING:
     from flexarm_ros.bag.verify import Verdict
 
+_OTHER_SOURCE = 'recorded by other source, which may give other numbers:'
+_OTHER_VERSIONS = 'recorded with other versions, which must give the same numbers:'
 NODES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller')
 
 
@@ -57,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
 def _show(verdict: Verdict) -> None:
     print(f'{verdict.ticks} of {verdict.planned} ticks compared')
     if verdict.versions:
-        print('recorded with other versions, so that other digits may be expected:')
+        print(_OTHER_SOURCE if verdict.other_source else _OTHER_VERSIONS)
         for text in verdict.versions:
             print(f'  {text}')
     for check, count in verdict.compared.items():
@@ -73,5 +75,7 @@ def _show(verdict: Verdict) -> None:
     earliest = verdict.earliest
     if earliest is not None:
         print(f'DIFFERS: {earliest}')
+        if not verdict.other_source:
+            print('the source is the same: the bag was changed, or this is a fault of flexarm_ros')
     else:
         print('the same' if verdict.same else 'NOT AS IT SHOULD BE: see above')
