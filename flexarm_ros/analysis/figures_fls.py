@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from flexarm_ros.analysis.figures_style import (
@@ -45,7 +45,7 @@ DEFAULT_KN = 5.0
 """The paper's normalising gain K_n, m, where a run's scenario does not tell."""
 
 
-def lambda_grid(inputs: FloatArray) -> FloatArray:
+def lambda_grid(inputs: Collection[float]) -> FloatArray:
     """Return lambda over normalised deflections, shape ``(n, n)``: row delta2, column delta1."""
     return np.array([[fls_lambda(float(a), float(b)) for a in inputs] for b in inputs])
 

@@ -136,7 +136,7 @@ def _extremes(table: FloatArray, parts: int) -> NDArray[np.int64]:
     rows = table.shape[1]
     edges = np.unique(np.linspace(0, rows, parts + 1).astype(np.int64))
     starts = edges[:-1]
-    kept = [starts, np.array([rows - 1])]
+    kept: list[NDArray[np.int64]] = [starts, np.array([rows - 1])]
     part_of = np.repeat(np.arange(len(starts)), np.diff(edges))
     for values in table:
         for signed in (values, -values):

@@ -299,7 +299,7 @@ class BagWriter:
         """Return the records of whole ticks as rows; ``messages``: a topic's, a tick a row."""
         count = len(messages[0])
         ticks = np.arange(first, first + count)
-        parts = []
+        parts: list[ByteArray] = []
         for i, data in enumerate(messages):
             head = np.empty(count, RECORD_HEAD)
             head['opcode'] = 5

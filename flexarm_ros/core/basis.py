@@ -177,7 +177,8 @@ def orthogonal_basis(name: str, combinations: FloatArray) -> Basis:
     nodes, weights = composite_rule()
     shapes = family(name, combinations.shape[1], nodes, 0)
     curvatures = family(name, combinations.shape[1], nodes, 2)
-    mixing, values = combinations, np.zeros(len(combinations))
+    mixing = combinations
+    values: FloatArray = np.zeros(len(combinations))
     for _ in range(2):  # the second pass removes what the first one's rounding left
         inverse = inverse_factor(weighted_gram(weights, product(mixing, shapes)))
         stiffness = weighted_gram(weights, product(mixing, curvatures))

@@ -112,6 +112,10 @@ def linearise(config: RunConfig, theta2: float, theta1: float = 0.0) -> LinearAr
     plant = config.plant
     size = 2 + 2 * plant.modes
     pose, torque = np.zeros(size), np.zeros((size, 2))
+    mass: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+    shape: FloatArray
     pose[1] = theta2
     torque[0, 0] = torque[1, 1] = 1.0
     ends = np.zeros((2, size))

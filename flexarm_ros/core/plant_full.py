@@ -66,7 +66,8 @@ class FullPlant:
         self.substeps = _substeps(config, period)
         self._step = period / self.substeps
         size = len(self.names)
-        self.q, self.qd = np.zeros(size), np.zeros(size)
+        self.q: FloatArray = np.zeros(size)
+        self.qd: FloatArray = np.zeros(size)
         self._mass = np.zeros((size, size))
         self._work = make_work(config.plant.modes)
         self._ends = (0.0, 0.0, 0.0, 0.0)
