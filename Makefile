@@ -1,8 +1,11 @@
 # `make run` flies the paper's square, `make test` passes the tests; both build .venv first.
 .DEFAULT_GOAL := help
-.PHONY: help env run test test-all lint types paper studies bench validate soak lock clean docs
+.PHONY: help env run test test-all lint types paper studies bench validate soak lock upgrade clean docs
 
-BIN := .venv/bin
+# Another Python beside the first: make test VENV=.venvs/3.10 PYTHON=python3.10
+VENV ?= .venv
+export VENV
+BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 # Tests that run at once, of those that start no nodes.
 TEST_JOBS ?= 2
@@ -19,7 +22,7 @@ help:
 	@echo 'make soak      runs back to back for SOAK_MINUTES (30), watched for growth'
 	@echo 'make docs      the documentation as a site, docs/_build/index.html'
 	@echo 'make env       .venv only (the others call it)'
-	@echo 'make lock      new versions into constraints.txt'
+	@echo 'make lock      constraints/ for the requirements in setup.py; make upgrade: with new versions'
 
 env:
 	@scripts/env.sh
@@ -62,9 +65,12 @@ docs: env
 	$(BIN)/python -m sphinx -W --keep-going -q -j 2 docs docs/_build
 	@echo docs/_build/index.html
 
-lock:
+lock: env
 	@scripts/lock.sh
 
+upgrade: env
+	@scripts/lock.sh --upgrade
+
 clean:
-	rm -rf .venv build dist install log .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	rm -rf .venv .venvs build dist install log .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
 	find flexarm_ros test -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -95,6 +95,7 @@ EXTRAS = {
         'pytest-xdist',  # `make test` runs two tests at once
         'ruff',
         'types-PyYAML',
+        'uv',  # `make lock`, and the environments of `make pythons`
         *VIEW,
         'websockets',  # a browser's side of the live view, in tests
     ],

@@ -15,16 +15,20 @@
 
 # Build .venv, or bring it up to date. Does nothing, quickly, when nothing has changed.
 #
-# Without a ROS 2 install around: rclpy comes from wheels, every version pinned in constraints.txt.
+# Without a ROS 2 install around: rclpy comes from wheels, every version pinned in constraints/.
 # With one sourced (ROS_DISTRO set): rclpy comes from there, and none of its files are touched.
 #
 # With --check: only say, by the exit status, whether it is up to date.
 # PYTHON=/path/to/python3.12 chooses the interpreter; otherwise the first suitable one is taken.
+# WHEELS=jazzy takes the wheels of that distribution (kilted).
+# VENV chooses another directory than .venv. For scripts/pythons.sh: EXTRAS the extras, UV a uv that
+# installs in place of pip.
 set -eu
 
 cd -- "$(dirname -- "$0")/.."
-venv=.venv
+venv=${VENV:-.venv}
 stamp=$venv/.flexarm-env
+wheels=${WHEELS:-kilted}
 
 say() { printf '%s\n' "$*"; }
 fail() {
@@ -34,10 +38,10 @@ fail() {
 
 # Every file that decides what is in .venv.
 inputs() {
-    cat constraints.txt setup.py setup.cfg package.xml scripts/env.sh scripts/link_prefix.py
+    cat constraints/*.txt setup.py setup.cfg package.xml scripts/env.sh scripts/link_prefix.py
     cat lib/flexarm_ros/*
     ls lib/flexarm_ros config launch resource 2>/dev/null || true
-    say "root=$PWD ros=${ROS_DISTRO:-}"
+    say "root=$PWD ros=${ROS_DISTRO:-$wheels} ${EXTRAS:-}"
 }
 wanted() { inputs | sha256sum | cut -d' ' -f1; }
 
@@ -131,8 +135,12 @@ wheels_exist_here() {
 pip_install() {
     # The two variables belong to the wheels' loader: a Python that starts without them sets its
     # own library path.
-    env -u _ROS_WHEELS_BOOTSTRAP_COMPLETE $venv/bin/python -m pip install \
-        --disable-pip-version-check --no-input --progress-bar off "$@"
+    if [ -n "${UV:-}" ]; then
+        "$UV" pip install --python $venv/bin/python "$@"
+    else
+        env -u _ROS_WHEELS_BOOTSTRAP_COMPLETE $venv/bin/python -m pip install \
+            --disable-pip-version-check --no-input --progress-bar off "$@"
+    fi
 }
 
 # Make .venv, unless the one that is there is whole and of the same kind: pip then installs only
@@ -144,7 +152,7 @@ fresh_venv() { # fresh_venv KIND [OPTION]
         [ "$(cat $venv/.flexarm-kind 2>/dev/null)" = "$kind" ]; then
         return
     fi
-    say "make env: building .venv with $("$python" -V) ($python)"
+    say "make env: building $venv with $("$python" -V) ($python)"
     "$python" -m venv --clear "$@" $venv
     printf '%s\n' "$kind" >$venv/.flexarm-kind
 }
@@ -164,11 +172,14 @@ build() {
         quietly pip_install "setuptools>=68,<80" wheel
         quietly pip_install --no-build-isolation -e '.[dev]'
     elif wheels_exist_here; then
+        [ -f "constraints/$wheels.txt" ] ||
+            fail "make env: WHEELS=$wheels: there are wheels of kilted and of jazzy."
         choose_python right_version
-        fresh_venv wheels
-        quietly pip_install -c constraints.txt setuptools wheel
+        fresh_venv "wheels $wheels"
+        set -- -c constraints/python.txt -c "constraints/$wheels.txt"
+        quietly pip_install "$@" setuptools wheel
         say "make env: installing rclpy and the rest (a minute or two)"
-        quietly pip_install -c constraints.txt --no-build-isolation -e '.[ros,dev,docs,notebook]'
+        quietly pip_install "$@" --no-build-isolation -e ".[${EXTRAS:-ros,dev,docs,notebook}]"
     else
         fail "make env: the rclpy wheels are for x86_64 Linux with glibc only; this is $(uname -sm)." \
             "Install ROS 2 (Jazzy or Kilted), source its setup.bash and run make again." \
@@ -178,12 +189,12 @@ build() {
     say "make env: compiling the hot loops"
     $venv/bin/python scripts/warm_up.py
     wanted >$stamp
-    say "make env: done; for flexarm and ros2 on the path: . .venv/bin/activate"
+    say "make env: done; for flexarm and ros2 on the path: . $venv/bin/activate"
 }
 
 current && exit 0
 if [ "${1:-}" = --check ]; then
-    fail "make env: .venv is not up to date"
+    fail "make env: $venv is not up to date"
 fi
 if command -v flock >/dev/null; then
     exec 9<. # one at a time

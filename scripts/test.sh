@@ -21,7 +21,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 failed=0 empty=0
 part() {
-    .venv/bin/python -m pytest "$@"
+    "${VENV:-.venv}/bin/python" -m pytest "$@"
     case $? in
     0) ;;
     2) exit 2 ;; # Ctrl-C, or a test file that cannot be read

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 from pathlib import Path
 import shutil
@@ -23,6 +24,8 @@ import subprocess
 import time
 
 from nodetools import EXECUTABLES
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -47,7 +50,8 @@ def tree(tmp_path: Path) -> Path:
     root = tmp_path / 'a b'
     shutil.copytree(ROOT / 'scripts', root / 'scripts')
     shutil.copytree(ROOT / 'lib', root / 'lib')
-    for name in ('constraints.txt', 'setup.py', 'setup.cfg', 'package.xml'):
+    shutil.copytree(ROOT / 'constraints', root / 'constraints')
+    for name in ('setup.py', 'setup.cfg', 'package.xml'):
         shutil.copy(ROOT / name, root)
     (root / 'bin').mkdir()
     for name in PROGRAMS:
@@ -100,7 +104,7 @@ def make_env(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
 def refusal(root: Path, **variables: str) -> list[str]:
     done = make_env(root, **variables)
     assert done.returncode == 1
-    assert not (root / '.venv').exists()
+    assert not (root / variables.get('VENV', '.venv')).exists()
     return done.stderr.splitlines()
 
 
@@ -146,6 +150,13 @@ def test_old_ros_2_is_refused(tree: Path) -> None:
     assert 'humble' in refusal(tree, ROS_DISTRO='humble')[0]
 
 
+def test_wheels_of_another_distribution_are_refused(tree: Path) -> None:
+    (line,) = refusal(tree, WHEELS='rolling', VENV='elsewhere')
+    assert 'WHEELS=rolling' in line
+    assert 'jazzy' in line
+    assert 'kilted' in line
+
+
 def test_sourced_ros_2_that_no_python_imports(tree: Path) -> None:
     fake_python(tree, 'python3', '3.11.7')
     lines = refusal(tree, ROS_DISTRO='jazzy', PYTHON='python3')
@@ -189,17 +200,35 @@ def test_no_registry_host_is_named() -> None:
     assert found == []
 
 
-def test_every_version_is_pinned_for_every_python() -> None:
-    from packaging.requirements import Requirement
+def pins(distribution: str, python: str) -> dict[str, Requirement]:
+    """Return what is pinned for the wheels of a distribution on a Python, by name."""
+    lines = [
+        line
+        for name in ('python', distribution)
+        for line in (ROOT / 'constraints' / f'{name}.txt').read_text().splitlines()
+        if not line.startswith('#')
+    ]
+    found = [pin for pin in map(Requirement, lines) if applies(pin, python)]
+    names = [canonicalize_name(pin.name) for pin in found]
+    assert len(names) == len(set(names))
+    return dict(zip(names, found, strict=True))
 
-    lines = (ROOT / 'constraints.txt').read_text().splitlines()
-    pins = [Requirement(line) for line in lines if line and not line.startswith('#')]
-    for minor in (10, 11, 12, 13):
-        environment = {'python_version': f'3.{minor}', 'python_full_version': f'3.{minor}.1'}
-        names = [
-            pin.name for pin in pins if pin.marker is None or pin.marker.evaluate(environment)
-        ]
-        assert len(names) == len(set(names))
-        assert {'ros-rclpy', 'numpy', 'numba', 'scipy', 'setuptools', 'pytest'} <= set(names)
-    for pin in pins:
+
+def applies(requirement: Requirement, python: str, extra: str = '') -> bool:
+    environment = {'python_version': python, 'python_full_version': f'{python}.9', 'extra': extra}
+    return requirement.marker is None or requirement.marker.evaluate(environment)
+
+
+@pytest.mark.parametrize('distribution', ['kilted', 'jazzy'])
+@pytest.mark.parametrize('python', ['3.10', '3.11', '3.12', '3.13'])
+def test_every_requirement_has_one_version_that_fits(distribution: str, python: str) -> None:
+    pinned = pins(distribution, python)
+    for pin in pinned.values():
         assert [spec.operator for spec in pin.specifier] == ['=='], pin
+    metadata = importlib.metadata.metadata('flexarm_ros')
+    required = [Requirement(text) for text in metadata.get_all('Requires-Dist') or []]
+    for extra in ['', *(metadata.get_all('Provides-Extra') or [])]:
+        for requirement in required:
+            if applies(requirement, python, extra):
+                (version,) = pinned[canonicalize_name(requirement.name)].specifier
+                assert version.version in requirement.specifier, (requirement, version)
