@@ -1,6 +1,6 @@
 # `make run` flies the paper's square, `make test` passes the tests; both build .venv first.
 .DEFAULT_GOAL := help
-.PHONY: help env run test test-all lint types paper studies bench validate soak lock upgrade clean docs
+.PHONY: help env run test test-all pythons lint types paper studies bench validate soak lock upgrade clean docs
 
 # Another Python beside the first: make test VENV=.venvs/3.10 PYTHON=python3.10
 VENV ?= .venv
@@ -15,6 +15,7 @@ help:
 	@echo 'make run       the paper'\''s square with fls_tip: nodes, bag, metrics, pictures'
 	@echo 'make test      format, lint, types and tests'
 	@echo 'make test-all  the same with the slow tests'
+	@echo 'make pythons   a run on every Python and every ROS 2 distribution that there are wheels for'
 	@echo 'make paper     the paper'\''s ten cases, and its claims one by one'
 	@echo 'make studies   the tables and pictures of docs/paper.md, stability.md and fls.md, an hour'
 	@echo 'make bench     speed of the loop and of the nodes'
@@ -64,6 +65,9 @@ soak: env
 docs: env
 	$(BIN)/python -m sphinx -W --keep-going -q -j 2 docs docs/_build
 	@echo docs/_build/index.html
+
+pythons: env
+	@scripts/pythons.sh
 
 lock: env
 	@scripts/lock.sh

@@ -124,6 +124,7 @@ setup(
     license='Apache-2.0',
     maintainer='The flexarm_ros maintainers',
     maintainer_email='maintainers@example.org',
+    classifiers=[f'Programming Language :: Python :: 3.{minor}' for minor in (10, 11, 12, 13)],
     keywords=['ROS', 'control', 'flexible manipulator', 'simulation'],
     python_requires='>=3.10',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),

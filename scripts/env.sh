@@ -21,8 +21,8 @@
 # With --check: only say, by the exit status, whether it is up to date.
 # PYTHON=/path/to/python3.12 chooses the interpreter; otherwise the first suitable one is taken.
 # WHEELS=jazzy takes the wheels of that distribution (kilted).
-# VENV chooses another directory than .venv. For scripts/pythons.sh: EXTRAS the extras, UV a uv that
-# installs in place of pip.
+# VENV chooses another directory than .venv. For scripts/pythons.sh: EXTRAS the extras, of which no
+# more is made than a run needs, UV a uv that installs in place of pip.
 set -eu
 
 cd -- "$(dirname -- "$0")/.."
@@ -186,8 +186,10 @@ build() {
             "\`flexarm simulate\` needs no ROS: python3 -m pip install . and use that anywhere."
     fi
     $venv/bin/python scripts/link_prefix.py
-    say "make env: compiling the hot loops"
-    $venv/bin/python scripts/warm_up.py
+    if [ -z "${EXTRAS:-}" ]; then
+        say "make env: compiling the hot loops"
+        $venv/bin/python scripts/warm_up.py
+    fi
     wanted >$stamp
     say "make env: done; for flexarm and ros2 on the path: . $venv/bin/activate"
 }

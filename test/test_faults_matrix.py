@@ -37,7 +37,10 @@ QUICK = [
 """Every node, every fault and every time at least once."""
 
 
-@pytest.mark.parametrize(('role', 'fault', 'tick'), QUICK)
+@pytest.mark.parametrize(
+    ('role', 'fault', 'tick'),
+    [*(pytest.param(*case, marks=pytest.mark.essential) for case in QUICK[:3]), *QUICK[3:]],
+)
 def test_a_fault_ends_the_run(
     role: str, fault: str, tick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,6 +27,7 @@ import pytest
 pytestmark = pytest.mark.nodes
 
 
+@pytest.mark.essential
 @pytest.mark.parametrize('order', [ROLES, ROLES[::-1]], ids=['plant first', 'recorder first'])
 def test_any_order_gives_the_bytes_of_a_simulation(
     tmp_path: Path, ros_domain: int, order: tuple[str, ...]
@@ -42,6 +43,7 @@ def test_any_order_gives_the_bytes_of_a_simulation(
     assert json.loads((tmp_path / 'run' / 'summary.json').read_text())['stable'] is True
 
 
+@pytest.mark.essential
 def test_nodes_that_disagree_refuse_to_start(tmp_path: Path, ros_domain: int) -> None:
     file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3', 'start_timeout=20')
     nodes = [
@@ -54,6 +56,7 @@ def test_nodes_that_disagree_refuse_to_start(tmp_path: Path, ros_domain: int) ->
     assert not (tmp_path / 'run' / 'bag').exists()
 
 
+@pytest.mark.essential
 def test_a_missing_node_is_named(tmp_path: Path, ros_domain: int) -> None:
     file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3', 'start_timeout=2.0')
     nodes = [start_node(role, file) for role in ('plant', 'encoder', 'trajectory')]
@@ -62,6 +65,7 @@ def test_a_missing_node_is_named(tmp_path: Path, ros_domain: int) -> None:
     assert any('tip_sensor, controller, recorder' in text for text in texts), texts
 
 
+@pytest.mark.essential
 def test_a_second_plant_is_refused_and_the_run_goes_on(
     tmp_path: Path, ros_domain: int, rclpy_node
 ) -> None:

@@ -39,6 +39,7 @@ def hurry(asker: Asker) -> None:
     assert asker.assign('plant', 'real_time_factor', 0.0).successful
 
 
+@pytest.mark.essential
 def test_who_listens_gets_every_message(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
     from sensor_msgs.msg import JointState
 
@@ -69,6 +70,7 @@ def test_who_listens_gets_every_message(tmp_path: Path, ros_domain: int, rclpy_n
     assert bags[0] == bags[1]
 
 
+@pytest.mark.essential
 @pytest.mark.parametrize('on_invalid', ['error', 'ignore'])
 def test_who_speaks_in_anothers_place_is_noticed(
     tmp_path: Path, ros_domain: int, rclpy_node, on_invalid: str

@@ -39,6 +39,7 @@ def end(node: subprocess.Popen[bytes]) -> None:
         node.wait()
 
 
+@pytest.mark.essential
 def test_the_example_controller_flies_in_lockstep(tmp_path: Path, ros_domain: int) -> None:
     example = subprocess.Popen([sys.executable, str(EXAMPLE)], cwd=ROOT)
     try:
@@ -148,6 +149,7 @@ def test_the_protocol_page_shows_the_example_that_is_tested() -> None:
     assert 'examples/minimal_controller.py' in (ROOT / 'docs' / 'protocol.md').read_text()
 
 
+@pytest.mark.essential
 def test_our_controller_repeats_a_recorded_run(tmp_path: Path, ros_domain: int) -> None:
     file = write_scenario(tmp_path / 's.yaml', 'fls_mid', 'duration=0.3')
     out = tmp_path / 'run'
@@ -160,6 +162,7 @@ def test_our_controller_repeats_a_recorded_run(tmp_path: Path, ros_domain: int) 
     assert '300 torques, 300 equal to the recorded ones' in done.stderr + done.stdout
 
 
+@pytest.mark.essential
 def test_a_replay_publishes_every_message_again(tmp_path: Path, ros_domain: int) -> None:
     out = tmp_path / 'run'
     assert flexarm('simulate', 'pd_tip', '--set', 'duration=0.2', '--no-pictures', '--out', out

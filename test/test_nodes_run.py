@@ -52,6 +52,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: base / name for name in ways}
 
 
+@pytest.mark.essential
 @pytest.mark.parametrize('other', ['loaded', 'composed', 'simulated'])
 @pytest.mark.parametrize('file', ['bag/bag_0.mcap', 'bag/metadata.yaml', 'trajectory.csv'])
 def test_every_way_of_flying_gives_the_same_bytes(
@@ -60,6 +61,7 @@ def test_every_way_of_flying_gives_the_same_bytes(
     assert (runs['quiet'] / file).read_bytes() == (runs[other] / file).read_bytes()
 
 
+@pytest.mark.essential
 def test_each_topic_has_exactly_one_message_a_tick(runs: dict[str, Path]) -> None:
     with AnyReader([runs['quiet'] / 'bag']) as reader:
         stamps = {topic: Counter() for topic in reader.topics}
@@ -83,6 +85,7 @@ def test_mcap_reads_the_torque(runs: dict[str, Path]) -> None:
     assert torques == [[float(row['tau1']), float(row['tau2'])] for row in rows]
 
 
+@pytest.mark.essential
 def test_the_summary_says_how_it_went(runs: dict[str, Path]) -> None:
     summary = json.loads((runs['quiet'] / 'summary.json').read_text())
     assert summary['stable'] is True
@@ -92,6 +95,7 @@ def test_the_summary_says_how_it_went(runs: dict[str, Path]) -> None:
     assert {'rclpy', 'numpy', 'flexarm_ros'} <= set(summary['versions'])
 
 
+@pytest.mark.essential
 def test_an_unstable_run_stops_and_says_so(tmp_path: Path) -> None:
     out = tmp_path / 'run'
     done = flexarm('run', 'fls_tip_physical', '--no-pictures', '--out', out)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`.ci/run` on a machine without Chromium: it tries to install it, and goes on whatever comes."""
+"""`.ci/run` and `make pythons` where something is missing or fails."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ import subprocess
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+GOALS = ['make --no-print-directory test', 'make --no-print-directory pythons']
 
 
 def script(directory: Path, name: str, body: str) -> None:
@@ -39,13 +40,14 @@ def tools(tmp_path: Path) -> Path:
     assert found is not None
     (tmp_path / 'dirname').symlink_to(found)
     script(tmp_path, 'id', 'echo 0')
-    script(tmp_path, 'make', f'echo "make $*" >>{tmp_path}/log')
+    script(tmp_path, 'make', f'echo "make $*" >>{tmp_path}/log; [ "$*" != "$MAKE_FAILS" ]')
     return tmp_path
 
 
-def run_ci(tools: Path) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+def run_ci(tools: Path, failing: str = '') -> tuple[subprocess.CompletedProcess[str], list[str]]:
     done = subprocess.run(
-        ['/bin/bash', str(ROOT / '.ci' / 'run')], env={**os.environ, 'PATH': str(tools)},
+        ['/bin/bash', str(ROOT / '.ci' / 'run')],
+        env={**os.environ, 'PATH': str(tools), 'MAKE_FAILS': failing},
         capture_output=True, text=True, timeout=60,
     )  # fmt: skip
     return done, (tools / 'log').read_text().splitlines()
@@ -61,7 +63,7 @@ def test_what_tests_need_is_installed_where_that_goes(tools: Path, status: int) 
     asked = [line for line in log if line.startswith('apt-get')]
     assert asked[0] == 'apt-get -qq update'
     assert [line.split()[-1] for line in asked[1:]] == ['chromium', 'iproute2']
-    assert log[-1] == 'make --no-print-directory test'
+    assert log[-2:] == GOALS
 
 
 def test_nothing_is_installed_where_all_is_there(tools: Path) -> None:
@@ -70,10 +72,104 @@ def test_nothing_is_installed_where_all_is_there(tools: Path) -> None:
     script(tools, 'apt-get', f'echo "apt-get $*" >>{tools}/log')
     done, log = run_ci(tools)
     assert done.returncode == 0
-    assert log == ['make --no-print-directory test']
+    assert log == GOALS
 
 
 def test_nobody_but_root_is_asked_to_install(tools: Path) -> None:
     script(tools, 'id', 'echo 1000')
     script(tools, 'apt-get', f'echo "apt-get $*" >>{tools}/log')
-    assert run_ci(tools)[1] == ['make --no-print-directory test']
+    assert run_ci(tools)[1] == GOALS
+
+
+@pytest.mark.parametrize('goal', ['test', 'pythons'])
+def test_all_parts_run_and_one_that_fails_fails_all(tools: Path, goal: str) -> None:
+    script(tools, 'id', 'echo 1000')
+    done, log = run_ci(tools, failing=f'--no-print-directory {goal}')
+    assert done.returncode == 1
+    assert log == GOALS
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """Return a tree with `scripts/pythons.sh`, Python 3.10 and 3.12, where nothing fails."""
+    root = tmp_path / 'tree'
+    (root / 'scripts').mkdir(parents=True)
+    (root / 'bin').mkdir()
+    shutil.copy(ROOT / 'scripts' / 'pythons.sh', root / 'scripts')
+    script(root / 'scripts', 'lock.sh', 'exit "${LOCK:-0}"')
+    script(
+        root / 'scripts', 'env.sh',
+        'mkdir -p "$VENV/bin"; cp bin/flexarm bin/python "$VENV/bin"\n'
+        'echo "$WHEELS $PYTHON" >>log',
+    )  # fmt: skip
+    script(
+        root / 'bin', 'flexarm',
+        '[ "$1" = "${FAILS:-}" ] && echo "said by $*" >&2 && exit 1\n'
+        'case "$1 $2" in digest*${OTHER:-none}*) echo 2;; digest*) echo 1;; esac',
+    )  # fmt: skip
+    script(
+        root / 'bin', 'python',
+        'case "$*" in *pytest*) echo "pytest in $0"; [ -z "${PYTEST:-}" ];;'
+        ' *) echo Python 3.x;; esac',
+    )  # fmt: skip
+    for name in ('python3.10', 'python3.12'):
+        script(root / 'bin', name, f'echo /opt/{name}')
+    for name in ('python3.11', 'python3.13'):  # as pyenv leaves them where there is none
+        script(root / 'bin', name, 'exit 127')
+    return root
+
+
+def run_pythons(tree: Path, **variables: str) -> tuple[int, list[str]]:
+    kept = {name: os.environ[name] for name in ('PATH', 'HOME') if name in os.environ}
+    kept['PATH'] = f'{tree / "bin"}:{kept["PATH"]}'
+    done = subprocess.run(
+        [tree / 'scripts' / 'pythons.sh'], env={**kept, **variables},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    return done.returncode, done.stdout.splitlines()
+
+
+def test_each_python_has_a_line_and_one_that_is_missing_says_so(tree: Path) -> None:
+    status, lines = run_pythons(tree)
+    assert status == 0, lines
+    told = [line for line in lines if line.startswith('Python')]
+    assert [line.split()[1:3] for line in told] == [
+        ['3.10', 'kilted'], ['3.11', 'kilted'], ['3.12', 'kilted'], ['3.13', 'kilted'],
+        ['3.12', 'jazzy'],
+    ]  # fmt: skip
+    assert [' ok: ' in line for line in told] == [True, False, True, False, True]
+    assert all(f'cannot run: no python{line.split()[1]}' in line for line in (told[1], told[3]))
+    assert (tree / 'log').read_text().splitlines() == [
+        'kilted /opt/python3.10', 'kilted /opt/python3.12', 'jazzy /opt/python3.12',
+    ]  # fmt: skip
+    assert [line for line in lines if line.startswith('pytest')] == [
+        'pytest in .venvs/jazzy-3.12/bin/python'
+    ]
+
+
+@pytest.mark.parametrize(
+    ('variables', 'failed', 'shown'),
+    [
+        ({'FAILS': 'run'}, 'run', 'said by run fls_tip'),
+        ({'FAILS': 'verify'}, 'verify', 'said by verify'),
+        ({'FAILS': 'digest'}, 'same_bytes', 'said by digest'),
+        ({'OTHER': 'jazzy'}, 'same_bytes', 'digest 2, of the first run 1'),
+        ({'PYTEST': 'fails'}, 'tests', 'pytest in'),
+        ({'LOCK': '1'}, 'not what scripts/lock.sh writes', ''),
+    ],
+)
+def test_a_stage_that_fails_is_named_and_fails_all(
+    tree: Path, variables: dict[str, str], failed: str, shown: str
+) -> None:
+    status, lines = run_pythons(tree, **variables)
+    assert status == 1
+    assert any(line.endswith(f'FAILED: {failed}') for line in lines)
+    assert any(line.startswith(shown) for line in lines)
+    assert sum(line.startswith('Python') for line in lines) == 5
+
+
+def test_where_a_ros_2_is_sourced_the_wheels_are_not_tried(tree: Path) -> None:
+    status, lines = run_pythons(tree, ROS_DISTRO='jazzy')
+    assert status == 0
+    assert lines == ['Runs on every Python: cannot run: ROS 2 jazzy is sourced']
+    assert not (tree / 'log').exists()

@@ -1,0 +1,108 @@
+#!/usr/bin/env bash
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+# A run of 1 s with nodes on every Python of 3.10 to 3.13 that is found, on PATH or among pyenv's, and
+# on the wheels of every ROS 2 distribution: the environment from constraints/, `flexarm run`, `flexarm
+# verify`, the bytes of the first of these runs, and on Jazzy the tests marked `essential`. Before that:
+# constraints/ is what scripts/lock.sh writes.
+#
+# A line for each stage. One that cannot run says why; of one that fails the output is shown, and the
+# exit status is 1. The environments are kept, in .venvs.
+set -u
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+stages='3.10 kilted
+3.11 kilted
+3.12 kilted
+3.13 kilted
+3.12 jazzy'
+export UV=$PWD/${VENV:-.venv}/bin/uv ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+exec 3>&1
+failed=0 first=
+
+# Print the interpreter of that version; pyenv's python3.10 looks into PYENV_VERSION.
+interpreter() {
+    PYENV_VERSION=$1 "python$1" -c 'import sys; print(sys._base_executable)' 2>/dev/null
+}
+
+# Print why no wheels can be tried here, if so.
+obstacle() {
+    if [ -n "${ROS_DISTRO:-}" ]; then
+        echo "ROS 2 $ROS_DISTRO is sourced"
+    elif [ "$(uname -s)-$(uname -m)" != Linux-x86_64 ]; then
+        echo "no wheels for $(uname -sm)"
+    fi
+}
+
+# The parts of a stage, each with PYTHON and DISTRIBUTION; the environment has only what they need.
+environment() { PYTHON=$(interpreter "$1") VENV=$venv WHEELS=$2 EXTRAS=ros,test scripts/env.sh; }
+run() { "$venv/bin/flexarm" run fls_tip --set duration=1 --no-pictures --out "$out"; }
+verify() { "$venv/bin/flexarm" verify "$out"; }
+same_bytes() {
+    digest=$("$venv/bin/flexarm" digest "$out") || return
+    echo "digest $digest, of the first run ${first:=$digest}"
+    [ "$digest" = "$first" ]
+}
+tests() { [ "$2" != jazzy ] || "$venv/bin/python" -m pytest -m 'essential and not slow' >&3; }
+
+versions() {
+    "$venv/bin/python" -c 'import platform; from importlib.metadata import version
+print(f"Python {platform.python_version()}, rclpy", version("ros-rclpy"))'
+}
+
+# Print one line: PYTHON DISTRIBUTION RESULT.
+say() { printf 'Python %-4s %-7s %s\n' "$@"; }
+
+# Do a part; where it fails, show what it said.
+attempt() {
+    "$@" >"$work/log" 2>&1 && return
+    failed=1
+    cat "$work/log"
+    return 1
+}
+
+stage() { # stage PYTHON DISTRIBUTION
+    venv=.venvs/$2-$1 out=$work/$2-$1
+    started=$SECONDS
+    if [ -z "$(interpreter "$1")" ]; then
+        say "$@" "cannot run: no python$1 on PATH or among pyenv's"
+        return
+    fi
+    for part in environment run verify same_bytes tests; do
+        if ! attempt "$part" "$@"; then
+            say "$@" "FAILED: $part"
+            return
+        fi
+    done
+    say "$@" "ok: $(versions), $((SECONDS - started)) s"
+}
+
+reason=$(obstacle)
+if [ -n "$reason" ]; then
+    echo "Runs on every Python: cannot run: $reason"
+    exit 0
+fi
+if attempt scripts/lock.sh --check; then
+    echo 'constraints/: ok'
+else
+    echo 'constraints/: FAILED: not what scripts/lock.sh writes'
+fi
+while read -r stage; do
+    # shellcheck disable=SC2086  # two words
+    stage $stage </dev/null
+done <<<"$stages"
+exit "$failed"
