@@ -41,7 +41,7 @@ inputs() {
     cat constraints/*.txt setup.py setup.cfg package.xml scripts/env.sh scripts/link_prefix.py
     cat lib/flexarm_ros/*
     ls lib/flexarm_ros config launch resource 2>/dev/null || true
-    say "root=$PWD ros=${ROS_DISTRO:-$wheels} ${EXTRAS:-}"
+    say "root=$PWD ros=${ROS_DISTRO:-} wheels=$wheels extras=${EXTRAS:-}"
 }
 wanted() { inputs | sha256sum | cut -d' ' -f1; }
 

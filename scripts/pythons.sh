@@ -61,7 +61,7 @@ tests() { [ "$2" != jazzy ] || "$venv/bin/python" -m pytest -m 'essential and no
 
 versions() {
     "$venv/bin/python" -c 'import platform; from importlib.metadata import version
-print(f"Python {platform.python_version()}, rclpy", version("ros-rclpy"))'
+print(platform.python_version(), "with rclpy", version("ros-rclpy"))'
 }
 
 # Print one line: PYTHON DISTRIBUTION RESULT.
