@@ -90,9 +90,9 @@ def fake_python(root: Path, name: str, version: str, imports: bool = False) -> N
     )
 
 
-def make_env(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+def make_env(root: Path, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [root / 'scripts' / 'env.sh'],
+        [root / 'scripts' / 'env.sh', *words],
         env={'PATH': str(root / 'bin'), **variables},
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -174,7 +174,7 @@ def test_nothing_to_do_is_quick_and_quiet() -> None:
 
 
 def test_check_sees_that_there_is_no_environment(tree: Path) -> None:
-    done = subprocess.run([tree / 'scripts' / 'env.sh', '--check'], capture_output=True, text=True)
+    done = make_env(tree, '--check')
     assert (done.returncode, done.stderr) == (1, 'make env: .venv is not up to date\n')
 
 

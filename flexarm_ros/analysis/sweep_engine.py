@@ -111,7 +111,8 @@ class LocalPool:
         except BrokenProcessPool:  # by submit: the tasks are still in ``waiting``
             pass
         finally:
-            event.set()
+            if not lost:  # else SIGTERM ends them, perhaps while they hold the event's lock
+                event.set()
             pool.shutdown(cancel_futures=True)
         for future, part in flying.items():
             yield from _rows_or_lost(future, part, lost)

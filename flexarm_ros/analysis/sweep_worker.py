@@ -25,7 +25,6 @@ from collections.abc import Callable, Sequence
 from multiprocessing import parent_process
 from multiprocessing.synchronize import Event
 import os
-import signal
 import threading
 from typing import Any
 
@@ -103,8 +102,10 @@ def start_worker(bases: Sequence[RunConfig], stop: Event) -> None:
     global _bases, _stop
     _bases, _stop = bases, stop
     os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'
-    for signum in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(signum, signal.SIG_IGN)
+    # Signals to the parent's process group, from a terminal above all, are for the parent alone.
+    # To ignore SIGTERM instead will not do: since Python 3.12 a pool that has lost a process ends
+    # the others by it.
+    os.setpgid(0, 0)
     threading.Thread(target=_follow_parent, daemon=True).start()
 
 
