@@ -117,7 +117,11 @@ def digest(bag: Path) -> str:
 
 def shm_files() -> int:
     """Count the files of Fast DDS in shared memory, ours and others'."""
-    return sum(1 for name in os.listdir(litter.FOLDER) if 'fastdds' in name)
+    return sum(
+        1
+        for name in os.listdir(litter.FOLDER)
+        if name.removeprefix('sem.').startswith(litter.PREFIXES)
+    )
 
 
 class NodeWatch(FaultPlan):

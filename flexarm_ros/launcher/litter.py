@@ -34,7 +34,9 @@ import time
 
 FOLDER = Path('/dev/shm')
 LOCKS = Path('/proc/locks')
-_PREFIX, _LOCK = 'fastdds_', '_el'
+PREFIXES = ('fastdds_', 'fastrtps_')
+"""Of Fast DDS 3 and of Fast DDS 2, which is Jazzy's."""
+_LOCK = '_el'
 _TRIES, _PAUSE_S = 5, 0.02
 
 
@@ -53,7 +55,7 @@ class Litter:
                 self.names |= {
                     entry.name.removesuffix(_LOCK)
                     for entry in entries
-                    if entry.name.startswith(_PREFIX)
+                    if entry.name.startswith(PREFIXES)
                     and entry.name.endswith(_LOCK)
                     and entry.inode() in held
                 }
