@@ -126,6 +126,7 @@ def test_output_to_a_full_disk_is_an_error() -> None:
         ),
         (Interrupted(signal.SIGINT), 130, 'flexarm: stopped by SIGINT\n'),
         (Interrupted(signal.SIGTERM), 143, 'flexarm: stopped by SIGTERM\n'),
+        (Interrupted(signal.SIGHUP), 129, 'flexarm: stopped by SIGHUP\n'),
     ],
 )  # fmt: skip
 def test_an_error_within_a_command_becomes_a_status_and_a_line(
@@ -154,7 +155,20 @@ def test_flexarm_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> N
         cli.main(['list'])
 
 
-@pytest.mark.parametrize(('signum', 'status'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_hang_up_that_nohup_ignores_stays_ignored() -> None:
+    old = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with Deferred() as signals:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        assert signals.status == 0
+    finally:
+        signal.signal(signal.SIGHUP, old)
+
+
+@pytest.mark.parametrize(
+    ('signum', 'status'), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
 def test_a_deferred_signal_is_noted_and_nothing_is_raised(signum: int, status: int) -> None:
     with Deferred() as signals:
         assert signals.status == 0

@@ -109,7 +109,12 @@ def test_the_same_scenario_gives_the_same_bytes_in_another_process(here: Path) -
 
 @pytest.mark.parametrize(
     ('signum', 'status', 'extra'),
-    [(signal.SIGINT, 130, []), (signal.SIGTERM, 143, []), (signal.SIGINT, 130, ['--no-bag'])],
+    [
+        (signal.SIGINT, 130, []),
+        (signal.SIGTERM, 143, []),
+        (signal.SIGHUP, 129, []),
+        (signal.SIGINT, 130, ['--no-bag']),
+    ],
 )
 def test_an_interrupted_run_keeps_what_it_has_and_says_so(
     here: Path, signum: int, status: int, extra: list[str]

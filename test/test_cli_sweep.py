@@ -147,11 +147,13 @@ def test_a_directory_is_for_one_sweep_only(
         pass
 
 
-def test_ctrl_c_leaves_the_rows_and_says_how_to_go_on(file: Path) -> None:
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_leaves_the_rows_and_says_how_to_go_on(number: int, file: Path) -> None:
     file.write_text(SWEEP.replace('duration: 0.4', 'duration: 4.0').replace('[9.0, 9.5]', '[9.0]'))
     process = subprocess.Popen(
         [sys.executable, '-m', 'flexarm_ros.cli', 'sweep', str(file), '--out', 'out',
          '--workers', '1'], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        start_new_session=True,
     )  # fmt: skip
     rows = Path('out/rows.jsonl')
     deadline = time.monotonic() + 60.0
@@ -159,9 +161,9 @@ def test_ctrl_c_leaves_the_rows_and_says_how_to_go_on(file: Path) -> None:
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
+    os.killpg(process.pid, number)  # a terminal sends it to the whole group
     _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 128 + number
     assert '--out out` goes on' in errors
     assert 'Traceback' not in errors
     assert 2 <= len(table(Path('out'))) < COUNT // 2

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ctrl-C, SIGTERM and SIGKILL to the launcher, and SIGKILL to one of its children."""
+"""Ctrl-C, SIGTERM, SIGHUP and SIGKILL to the launcher, and SIGKILL to one of its children."""
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 from pathlib import Path
@@ -24,6 +25,7 @@ import re
 import signal
 import subprocess
 import sys
+import termios
 import time
 
 from faulttools import check_bag, NODE
@@ -35,7 +37,7 @@ from flexarm_ros.scenario.suite import Fault
 from mcap.exceptions import McapError
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from nodetools import ROLES, ROOT, wait_for
+from nodetools import finish, ROLES, ROOT, start_node, wait_for, write_scenario
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -45,13 +47,19 @@ RTF = '0.2'
 BAG = 'bag/bag_0.mcap'
 
 
-def start(out: Path, *more: str) -> subprocess.Popen[str]:
-    """Start `flexarm run` of half a second of arm time, which takes 2.5 s of wall time."""
+def start(out: Path, *more: str, terminal: int | None = None) -> subprocess.Popen[str]:
+    """
+    Start `flexarm run` of half a second of arm time, which takes 2.5 s of wall time.
+
+    It is the leader of a session with the ``terminal``, where one is given.
+    """
     words = [word for text in SETTINGS for word in ('--set', text)]
     return subprocess.Popen(
         [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', *words, '--rtf', RTF,
          '--no-pictures', '--out', str(out), *more],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+        stdin=terminal, stdout=terminal or subprocess.PIPE, stderr=terminal or subprocess.PIPE,
+        text=True, cwd=ROOT, start_new_session=terminal is not None,
+        preexec_fn=(lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0)) if terminal else None,
     )  # fmt: skip
 
 
@@ -87,7 +95,7 @@ def reach(launcher: subprocess.Popen[str], out: Path, moment: str) -> dict[str, 
     return nodes
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize('moment', ['start', 'middle'])
 def test_a_signal_ends_the_run_in_good_order(
     tmp_path: Path, number: signal.Signals, moment: str
@@ -112,6 +120,48 @@ def test_a_signal_ends_the_run_in_good_order(
     check_bag(out, scenario.load('fls_tip', list(SETTINGS)), summary['ticks'])
     if moment == 'middle':
         assert summary['ticks'] > 0
+
+
+def test_a_closed_terminal_ends_the_run_in_good_order(tmp_path: Path) -> None:
+    """The kernel sends SIGHUP, and the progress bar has nowhere to go any more."""
+    out = tmp_path / 'run'
+    master, terminal = os.openpty()
+    launcher = start(out, terminal=terminal)
+    os.close(terminal)
+    try:
+        nodes = reach(launcher, out, 'middle')
+        os.close(master)
+        launcher.wait(timeout=30)
+    finally:
+        launcher.kill()
+        launcher.wait()
+    assert launcher.returncode == 129
+    assert not [pid for pid in nodes.values() if Path(f'/proc/{pid}').exists()]
+    summary = json.loads((out / 'summary.json').read_text())
+    assert summary['problem'] == 'interrupted'
+    check_bag(out, scenario.load('fls_tip', list(SETTINGS)), summary['ticks'])
+
+
+@pytest.mark.parametrize('role', ['plant', 'recorder'])
+def test_a_node_in_a_closed_terminal_leaves_in_good_order(
+    role: str, tmp_path: Path, ros_domain: int
+) -> None:
+    words = ['-p', f'output:={tmp_path / "run"}'] if role == 'recorder' else []
+    node = start_node(role, write_scenario(tmp_path / 's.yaml', 'fls_tip'), *words)
+    try:
+        wait_for(lambda: caught(node.pid, signal.SIGTERM), 30, 'the node is up')
+    finally:
+        node.send_signal(signal.SIGHUP)
+        (text,) = finish([node], 30)
+    assert node.returncode == 129, text
+    assert 'Traceback' not in text
+
+
+def caught(pid: int, number: int) -> bool:
+    """Whether a process has a handler for a signal; see proc(5)."""
+    status = Path(f'/proc/{pid}/status').read_text()
+    (mask,) = re.findall(r'^SigCgt:\s*(\w+)$', status, re.M)
+    return bool(int(mask, 16) >> (number - 1) & 1)
 
 
 def test_a_signal_after_the_last_tick_is_told_by_the_status(tmp_path: Path) -> None:

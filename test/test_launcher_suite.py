@@ -220,7 +220,9 @@ def test_flown_side_by_side_and_delayed_a_run_is_the_same(tmp_path: Path) -> Non
         assert {log.name for log in (there / 'logs').iterdir()} >= {'plant.log', 'controller.log'}
 
 
-@pytest.mark.parametrize(('number', 'status'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ('number', 'status'), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
 def test_a_signal_ends_a_suite_with_its_results(number: int, status: int, tmp_path: Path) -> None:
     """The signal goes to the whole group, as Ctrl-C does, and as CI systems end a job."""
     (tmp_path / 's.yaml').write_text(

@@ -26,6 +26,7 @@ from typing import Any
 
 from bagtools import small_config, small_messages, write_small
 from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.core.ending import ENDING
 from flexarm_ros.nodes.pace import Pace
 from nodetools import finish, ROOT, wait_for
 import pytest
@@ -158,7 +159,11 @@ def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener)
 
 @pytest.mark.parametrize(
     ('number', 'status'),
-    [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)],
+    [
+        (signal.SIGINT, 130),
+        (signal.SIGHUP, 129),
+        pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow),
+    ],
 )
 def test_a_loop_from_the_middle_ends_with_a_signal(
     number: int, status: int, run: Path, listener: Listener
@@ -248,9 +253,9 @@ def played(ros_domain: int, capfd: pytest.CaptureFixture[str]) -> Callable[..., 
         status = play(['--ros-args', *words])
         return status, capfd.readouterr().err
 
-    held = [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
+    held = [signal.getsignal(s) for s in ENDING]
     yield run_it
-    for number, handler in zip((signal.SIGINT, signal.SIGTERM), held, strict=True):
+    for number, handler in zip(ENDING, held, strict=True):
         signal.signal(number, handler)
 
 

@@ -20,13 +20,14 @@ Each command is a module of this package with ``add_parser(subparsers)`` and
 is imported, so that ``flexarm --help`` is quick and ``simulate`` needs no ROS.
 
 Exit status: 0 success; 1 a run or check that failed; 2 bad usage or a bad scenario; 3 a
-bag rescued in part; 130 after Ctrl-C, 143 after SIGTERM.
+bag rescued in part; 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import errno
 import importlib
 import os
 from pathlib import Path
@@ -82,7 +83,7 @@ class _Version(argparse.Action):
 
 class _Output:
     """
-    Standard output that goes quiet when its reader has left.
+    A standard stream that goes quiet when its reader, or its terminal, has left.
 
     The command then still runs to its end and gives its own exit status.
     """
@@ -111,7 +112,7 @@ class _Output:
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, self._stream.fileno())
         os.close(null)
-        if not isinstance(error, BrokenPipeError):
+        if error.errno not in (errno.EPIPE, errno.EIO):
             raise error
 
 
@@ -142,9 +143,8 @@ def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``flexarm`` and return its exit status; the console script's entry."""
     words = list(sys.argv[1:] if argv is None else argv)
-    stdout = sys.stdout
-    if stdout is not None:
-        sys.stdout = _Output(stdout)
+    streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (_Output(s) if s is not None else None for s in streams)
     try:
         with signals.raising():
             return _guarded(words)
@@ -152,7 +152,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f'flexarm: stopped by {stop}', file=sys.stderr)
         return stop.status
     finally:
-        sys.stdout = stdout
+        sys.stdout, sys.stderr = streams
 
 
 def _guarded(words: list[str]) -> int:

@@ -70,7 +70,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the run; 0, 1 if it broke off, 2 for a bad bag or option, 130 or 143 after a signal."""
+    """Play the run; 0, 1 if it broke off, 2 for a bad option, 129, 130 or 143 by signals."""
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     if args.domain is not None:

@@ -72,7 +72,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly the scenario; 0, 1 if it failed or is unstable, 130 or 143 after a signal."""
+    """Fly the scenario; 0, 1 if it failed or is unstable, 130, 143 or 129 after a signal."""
     from flexarm_ros.cli.output import new_directory, show_outcome
     from flexarm_ros.cli.progress import Progress
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""SIGINT and SIGTERM as an exception, or as a flag while something must not be cut short."""
+"""Signals that end a program as an exception, or as a flag where nothing may be cut short."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ import signal
 import threading
 from types import FrameType, TracebackType
 
+from flexarm_ros.core.ending import handle_ending
+
 
 class Interrupted(BaseException):
-    """Ctrl-C or SIGTERM came; ``status`` is the exit status that says so."""
+    """Ctrl-C, SIGTERM or SIGHUP came; ``status`` is the exit status that says so."""
 
     def __init__(self, signum: int) -> None:
         super().__init__(signal.Signals(signum).name)
@@ -33,11 +35,11 @@ class Interrupted(BaseException):
 
 @contextlib.contextmanager
 def raising() -> Iterator[None]:
-    """Within the block SIGINT and SIGTERM raise Interrupted in the main thread."""
+    """Within the block the signals that end a program raise Interrupted in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    old = {s: signal.signal(s, _raise) for s in (signal.SIGINT, signal.SIGTERM)}
+    old = handle_ending(_raise)
     try:
         yield
     finally:
@@ -51,7 +53,7 @@ def _raise(signum: int, frame: FrameType | None) -> None:
 
 class Deferred:
     """
-    While the block runs, SIGINT and SIGTERM only set ``signum`` (0: none came).
+    While the block runs, signals that end a program only set ``signum`` (0: none came).
 
     The exception would otherwise rise anywhere, within a compiled function's call-back
     too, where Python can only drop it.
@@ -71,8 +73,7 @@ class Deferred:
 
     def __enter__(self) -> Deferred:
         if threading.current_thread() is threading.main_thread():
-            for signum in (signal.SIGINT, signal.SIGTERM):
-                self._old[signum] = signal.signal(signum, self._note)
+            self._old = handle_ending(self._note)
         return self
 
     def __exit__(

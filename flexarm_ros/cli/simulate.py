@@ -60,7 +60,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly the scenario; 0, 1 if it is unstable, 130 or 143 after a signal."""
+    """Fly the scenario; 0, 1 if it is unstable, 130, 143 or 129 after a signal."""
     if args.list_laws:
         return _list_laws()
     if args.scenario is None:

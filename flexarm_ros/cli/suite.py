@@ -57,7 +57,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the suite; 0 where all holds, 1 otherwise, 130 or 143 after a signal."""
+    """Run the suite; 0 where all holds, 1 otherwise, 130, 143 or 129 after a signal."""
     from flexarm_ros.cli.output import new_directory
     from flexarm_ros.cli.suite_table import print_result, SuiteTable
     from flexarm_ros.launcher.junit import write_junit

@@ -41,7 +41,7 @@ def add_parser(subparsers: Any) -> None:
         'this machine, or on a Dask cluster, and write one table and pictures. '
         'A sweep that was cut off goes on when it is started again with the same --out.',
         epilog='Exit status: 0; 1 if a run failed for another reason than being unstable; '
-        '2 for a bad sweep; 130 or 143 after a signal.',
+        '2 for a bad sweep; 130, 143 or 129 after a signal.',
     )
     parser.add_argument('sweep', metavar='SWEEP', help='a file or the name of a shipped sweep')
     parser.add_argument(
@@ -57,7 +57,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly the sweep; 0, 1 if a run failed, 130 or 143 after a signal."""
+    """Fly the sweep; 0, 1 if a run failed, 130, 143 or 129 after a signal."""
     from flexarm_ros.analysis.sweep_engine import EngineError
     from flexarm_ros.analysis.sweep_store import StoreError, SweepStore
     from flexarm_ros.cli.output import new_directory

@@ -62,7 +62,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the run until a signal; 130 or 143 then, 2 where that cannot be."""
+    """Show the run until a signal; 130, 143 or 129 then, 2 where that cannot be."""
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     words = _words(args)

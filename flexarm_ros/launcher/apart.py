@@ -25,6 +25,7 @@ from typing import Any
 
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.simulation import simulate
+from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters import RunConfig
 
 _LOOK_S = 0.1
@@ -72,8 +73,7 @@ def simulate_apart(
 
 def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name: str) -> None:
     """Simulate and tell of it until told to stop, or until nobody listens any more."""
-    for signum in (signal.SIGINT, signal.SIGTERM):  # reach the whole group: the launcher decides
-        signal.signal(signum, signal.SIG_IGN)
+    handle_ending(signal.SIG_IGN)  # signals reach the whole group: the launcher decides
     try:
         summary = simulate(
             config, directory, name,

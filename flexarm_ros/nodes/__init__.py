@@ -24,7 +24,7 @@ def main(name: str, argv: list[str] | None = None) -> int:
     Run the node ``name`` (or ``compose``) until its run is over.
 
     Returns the exit status: 0 done, 1 the run failed, 2 a bad scenario or
-    command line, 130 or 143 after a signal.
+    command line, 130, 143 or 129 after a signal.
     """
     from flexarm_ros.nodes.process import run_process
 

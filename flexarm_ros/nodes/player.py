@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-import signal
 import sys
 import threading
 import time
@@ -34,6 +33,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.topics import CLOCK, COMMAND
+from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.nodes.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class, qos_profile
 from flexarm_ros.nodes.leaving import leaving
@@ -234,7 +234,7 @@ def play(argv: list[str]) -> int:
     Run the player with a ROS command line.
 
     Returns 0 done; 1 the bag is damaged or the controller did not answer; 2
-    bad usage, before anything is published; 130 or 143 after a signal.
+    bad usage, before anything is published; 130, 143 or 129 after a signal.
     """
     try:
         rclpy.init(args=['player', *argv], signal_handler_options=SignalHandlerOptions.NO)
@@ -278,13 +278,12 @@ def _complain(error: object, status: int) -> int:
 
 
 def _catch_signals(node: PlayerNode) -> None:
-    """Let SIGINT and SIGTERM end the replay in good order."""
+    """Let SIGINT, SIGTERM and SIGHUP end the replay in good order."""
 
     def caught(signum: int, _frame: Any) -> None:
         node.stop_signal = signum
 
-    for signum in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(signum, caught)
+    handle_ending(caught)
 
 
 def _serve(executor: SingleThreadedExecutor) -> None:

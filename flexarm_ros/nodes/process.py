@@ -25,6 +25,7 @@ import sys
 import threading
 from typing import Any
 
+from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.lockstep import connect, spin
 from flexarm_ros.nodes.middleware import prepare
@@ -132,13 +133,12 @@ def _serve(executor: SingleThreadedExecutor, nodes: list[Participant]) -> None:
 
 
 class _Signals:
-    """SIGINT and SIGTERM ask the nodes to leave in order; ``status`` is 128 + the signal."""
+    """Signals ask the nodes to leave in order; ``status`` is 128 + the signal."""
 
     def __init__(self, nodes: list[Participant]) -> None:
         self._nodes = nodes
         self.status = 0
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._caught)
+        handle_ending(self._caught)
         signal.signal(signal.SIGUSR1, self._released)
 
     def _released(self, _number: int, _frame: Any) -> None:

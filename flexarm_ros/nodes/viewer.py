@@ -23,7 +23,6 @@ it is told by ``--params-file`` (a replay has no participants).
 
 from __future__ import annotations
 
-import signal
 import sys
 import threading
 from typing import Any
@@ -31,6 +30,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from flexarm_ros import scenario
 from flexarm_ros.bag import changes
+from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes import status
 from flexarm_ros.nodes.agreement import Disagreement, told_config
@@ -148,7 +148,7 @@ class ViewerNode(Node):
 
 
 def view(argv: list[str]) -> int:
-    """Run the viewer until a signal; 130 or 143 then, 2 where it cannot be."""
+    """Run the viewer until a signal; 130, 143 or 129 then, 2 where it cannot be."""
     try:
         rclpy.init(args=['viewer', *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rcl reports a bad command line so
@@ -163,8 +163,7 @@ def view(argv: list[str]) -> int:
             caught = 128 + number
             node.stopping.set()
 
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, stop)
+        handle_ending(stop)
         if node.foxglove is not None:
             host = node.get_parameter('host').value
             print(f'open ws://{host}:{node.foxglove.port} in Foxglove or Lichtblick', flush=True)
