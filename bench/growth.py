@@ -141,10 +141,9 @@ def _sensors() -> dict[int, float]:
 
 def _draw(plain: dict[int, Used], bag: dict[int, Used], modes: dict[int, float],
           sensors: dict[int, float]) -> None:  # fmt: skip
-    from flexarm_ros.analysis.figures_style import BLUE, new_figure, ORANGE, SETTINGS
-    import matplotlib
+    from flexarm_ros.analysis.figures_style import BLUE, drawing, new_figure, ORANGE
 
-    with matplotlib.rc_context(SETTINGS):
+    with drawing():
         figure = new_figure(9.6, 2.8)
         axes = figure.subplots(1, 4)
         for values, color, label in ((plain, BLUE, 'no bag'), (bag, ORANGE, 'with a bag')):

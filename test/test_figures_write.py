@@ -17,7 +17,11 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
+import shutil
+import subprocess
+import sys
 import warnings
 
 from flexarm_ros.analysis import figures
@@ -67,6 +71,21 @@ def lines(axis: Axes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         str(line.get_label()).replace('\n', ' '): (line.get_xdata(), line.get_ydata())
         for line in axis.get_lines()
     }
+
+
+@pytest.mark.parametrize(
+    'backend', ['module://matplotlib_inline.backend_inline', 'nonsense', 'tkagg']
+)
+def test_mplbackend_may_be_set_to_anything(backend: str, runs: Path, tmp_path: Path) -> None:
+    """A notebook's backend is inherited by its subprocesses; pictures use none."""
+    shutil.copytree(runs / 'fls_tip', tmp_path / 'run')
+    done = subprocess.run(
+        [sys.executable, '-m', 'flexarm_ros.cli', 'report', str(tmp_path / 'run')],
+        env={**os.environ, 'MPLBACKEND': backend},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, '')
+    assert (tmp_path / 'run' / 'report' / 'signals.svg').exists()
 
 
 def test_one_run_gives_each_picture_twice(runs: Path, tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 from flexarm_ros.analysis.figures_corners import corner_figure
 from flexarm_ros.analysis.figures_style import (
     BLACK,
+    drawing,
     GREY,
     group_switches,
     line,
@@ -37,7 +38,6 @@ from flexarm_ros.analysis.figures_style import (
     panel_title,
     panels,
     save,
-    SETTINGS,
     Style,
     styled,
     wrap,
@@ -60,12 +60,10 @@ def write_figures(run_dirs: Sequence[Path | Run], out: Path) -> list[Path]:
     ``fls``; with runs of both laws also ``figure_N`` for each figure of the paper that they show;
     each as PNG and SVG.  Raises ``RunError`` where a directory is not a run.
     """
-    import matplotlib
-
     runs = load_runs(run_dirs)
     out.mkdir(parents=True, exist_ok=True)
     groups = panels(runs)
-    with matplotlib.rc_context(SETTINGS):
+    with drawing():
         written = save(path_figure(groups), out, 'paths')
         if any(run.switches() for run in runs):
             written += save(corner_figure(groups), out, 'corners')

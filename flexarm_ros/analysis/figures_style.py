@@ -21,10 +21,13 @@ deficiencies tell apart; line styles differ too, so that a grey print can be rea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+import contextlib
 from dataclasses import dataclass, replace
+import os
 from pathlib import Path
 import textwrap
+from types import ModuleType
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.analysis.report_runs import (
@@ -156,6 +159,27 @@ def _spare(index: int) -> Style:
 def wrap(text: str) -> str:
     """Return a legend's text in lines that fit a panel."""
     return '\n'.join(textwrap.wrap(text, 30, break_on_hyphens=False))
+
+
+@contextlib.contextmanager
+def drawing() -> Iterator[None]:
+    """Within the block matplotlib draws with ``SETTINGS``, whatever MPLBACKEND names."""
+    with _matplotlib().rc_context(SETTINGS):
+        yield
+
+
+def _matplotlib() -> ModuleType:
+    """Import matplotlib, which refuses a backend that is not installed although none is used."""
+    try:
+        import matplotlib
+    except ValueError:
+        backend = os.environ.pop('MPLBACKEND', None)
+        try:
+            import matplotlib
+        finally:
+            if backend is not None:
+                os.environ['MPLBACKEND'] = backend
+    return matplotlib
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -25,13 +25,13 @@ from flexarm_ros.analysis.figures_style import (
     AMBER,
     BLACK,
     BLUE,
+    drawing,
     GREEN,
     GREY,
     METADATA,
     new_figure,
     ORANGE,
     PURPLE,
-    SETTINGS,
     SKY,
 )
 import numpy as np
@@ -67,15 +67,13 @@ def column(rows: Rows, name: str, missing: float = float('nan')) -> Any:
 
 def draw_all(data: Path, images: Path) -> list[Path]:
     """Write every picture as PNG and return the paths."""
-    import matplotlib
-
     figures: dict[str, Figures] = {
         'location_latency': location_latency, 'hub_latency': hub_latency, 'speed': speed,
         'fls_gain': fls_gain, 'fls_sweep': fls_sweep, 'elastic_growth': elastic_growth,
     }  # fmt: skip
     images.mkdir(parents=True, exist_ok=True)
     paths = []
-    with matplotlib.rc_context(SETTINGS):
+    with drawing():
         for name, draw in figures.items():
             path = images / f'stability_{name}.png'
             draw(data).savefig(path, metadata=METADATA['png'])

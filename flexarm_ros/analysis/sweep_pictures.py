@@ -23,7 +23,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_style import BLUE, GREY, new_figure, ORANGE, save, SETTINGS
+from flexarm_ros.analysis.figures_style import BLUE, drawing, GREY, new_figure, ORANGE, save
 from flexarm_ros.analysis.sweep_store import Table
 from flexarm_ros.core.parameters import SECTIONS, specs
 from flexarm_ros.scenario.axes import Parameter
@@ -57,8 +57,6 @@ def write_pictures(sweep: Sweep, table: Table, out: Path) -> list[Path]:
     Unstable runs have no colour; the line is where half of the runs are stable.  Nothing is
     drawn for a sweep without a numeric axis.
     """
-    import matplotlib
-
     plan = sweep.plan
     if plan is None or plan.value not in table:
         return []
@@ -66,7 +64,7 @@ def write_pictures(sweep: Sweep, table: Table, out: Path) -> list[Path]:
     keys = sorted(set(zip(*(map(str, table[name]) for name in others), strict=True)))
     out.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
-    with matplotlib.rc_context(SETTINGS):
+    with drawing():
         for key in keys[:MOST_PICTURES]:
             cells = _cells(sweep, table, dict(zip(others, key, strict=True)))
             figure = _map_figure(sweep, cells) if plan.y else _curve_figure(sweep, cells)

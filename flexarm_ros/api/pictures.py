@@ -53,12 +53,10 @@ def plot(runs: Run | Sequence[Run], kind: str = 'paths') -> Figure:
         For an unknown kind, or one that the runs cannot show.
 
     """
-    import matplotlib
-
     if kind not in KINDS:
         raise ValueError(f'kind: {kind!r}, allowed: {", ".join(KINDS)}')
     groups = figures_style.panels(_as_read(runs))
-    with matplotlib.rc_context(figures_style.SETTINGS):
+    with figures_style.drawing():
         return _shown(_draw(groups, kind))
 
 
