@@ -31,6 +31,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import prepare_directory
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.domain import chosen_domain
 from flexarm_ros.cli.output import new_directory, show_outcome
 from flexarm_ros.cli.progress import Progress
 from flexarm_ros.core.warmup import warm_up
@@ -74,6 +75,7 @@ class LaunchedRun:
     def __init__(self, given: Mapping[str, str]) -> None:
         self.config = scenario.load(given['scenario'], split_overrides(given['set']))
         rtf = read_rtf(given['rtf'])
+        chosen_domain(None)
         self.name = Path(given['scenario']).stem
         # The shell leaves a tilde behind := as it is.
         out = Path(os.path.expanduser(given['out'])) if given['out'] else None

@@ -23,7 +23,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.cli import UsageError
+from flexarm_ros.cli import domain, UsageError
 from flexarm_ros.cli.bag_options import add_bag_options
 
 
@@ -62,10 +62,7 @@ def add_parser(subparsers: Any) -> None:
         '--delay', type=_rate, default=1.0, metavar='S',
         help='wall time to wait for subscribers first (default 1)',
     )  # fmt: skip
-    parser.add_argument(
-        '--domain', type=int, choices=range(233), metavar='N',
-        help='ROS_DOMAIN_ID (default: that of the environment, else 0)',
-    )  # fmt: skip
+    domain.add_option(parser, '0')
     add_bag_options(parser)
 
 
@@ -73,8 +70,7 @@ def run(args: argparse.Namespace) -> int:
     """Play the run; 0, 1 if it broke off, 2 for a bad option, 129, 130 or 143 by signals."""
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
-    if args.domain is not None:
-        os.environ['ROS_DOMAIN_ID'] = str(args.domain)
+    os.environ['ROS_DOMAIN_ID'] = str(domain.chosen_domain(args.domain) or 0)
     from flexarm_ros.nodes.middleware import prepare
 
     prepare()
@@ -92,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         'namespace': json.dumps(args.namespace or ''),
     }
     words = [word for key, value in values.items() for word in ('-p', f'{key}:={value}')]
-    print(f'ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")}', flush=True)
+    print(f'ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]}', flush=True)
     from flexarm_ros.nodes.player import play
 
     return play(['--ros-args', *words])

@@ -23,7 +23,7 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.cli import UsageError
+from flexarm_ros.cli import domain, UsageError
 from flexarm_ros.cli.own_nodes import add_option, own_nodes, REPLACEABLE
 from flexarm_ros.cli.signals import Deferred
 
@@ -54,10 +54,7 @@ def add_parser(subparsers: Any) -> None:
         help='hold the run to X times real time (default: as fast as it goes)',
     )  # fmt: skip
     parser.add_argument('--compose', action='store_true', help='all nodes in one process')
-    parser.add_argument(
-        '--domain', type=_domain, metavar='N',
-        help='ROS_DOMAIN_ID (default: that of the environment, else a free one)',
-    )  # fmt: skip
+    domain.add_option(parser, 'a free one')
     parser.add_argument(
         '--without', action='append', default=[], choices=REPLACEABLE, metavar='NODE',
         help='do not start NODE: one of yours takes its place; repeats '
@@ -79,15 +76,15 @@ def run(args: argparse.Namespace) -> int:
     config = scenario.load(args.scenario, args.overrides)
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError(_NO_ROS)
-    from flexarm_ros.launcher.domains import environment_domain
     from flexarm_ros.launcher.run import run_scenario, RunOptions
 
     name = Path(args.scenario).stem
+    chosen = domain.chosen_domain(args.domain)
     directory = new_directory(args.out, name)
     options = RunOptions(
         compose=args.compose,
         rtf=args.rtf,
-        domain=args.domain if args.domain is not None else environment_domain(),
+        domain=chosen,
         without=tuple(args.without),
         nodes=own_nodes(args.nodes),
         discovery='SUBNET' if args.network else 'LOCALHOST',
@@ -109,11 +106,4 @@ def _positive(text: str) -> float:
     value = float(text)
     if not 0.0 < value < 1e6:
         raise argparse.ArgumentTypeError(f'{text}: a number above 0')
-    return value
-
-
-def _domain(text: str) -> int:
-    value = int(text) if text.isdigit() else -1
-    if not 0 <= value <= 232:
-        raise argparse.ArgumentTypeError(f'{text}: a whole number from 0 to 232')
     return value

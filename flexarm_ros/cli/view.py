@@ -22,7 +22,7 @@ import os
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.cli import UsageError
+from flexarm_ros.cli import domain, UsageError
 
 
 def add_parser(subparsers: Any) -> None:
@@ -39,10 +39,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         'scenario', metavar='SCENARIO', nargs='?', help='a parameter file or a shipped scenario'
     )
-    parser.add_argument(
-        '--domain', type=int, choices=range(233), metavar='N',
-        help='ROS_DOMAIN_ID (default: that of the environment, else 0)',
-    )  # fmt: skip
+    domain.add_option(parser, '0')
     parser.add_argument('--namespace', default='', metavar='NS', help='namespace of the arm')
     parser.add_argument(
         '--port', type=int, default=8765, choices=range(65536), metavar='P',
@@ -66,14 +63,13 @@ def run(args: argparse.Namespace) -> int:
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     words = _words(args)
-    if args.domain is not None:
-        os.environ['ROS_DOMAIN_ID'] = str(args.domain)
+    os.environ['ROS_DOMAIN_ID'] = str(domain.chosen_domain(args.domain) or 0)
     from flexarm_ros.nodes.middleware import prepare
     from flexarm_ros.nodes.view_foxglove import layout
     from flexarm_ros.nodes.viewer import view
 
     prepare()
-    print(f'ROS_DOMAIN_ID={os.environ.get("ROS_DOMAIN_ID", "0")}', flush=True)
+    print(f'ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]}', flush=True)
     if not args.no_server:
         print(f'layout to import: {layout()}', flush=True)
     print(f'for RViz: {layout().with_name("flexarm.rviz")}', flush=True)

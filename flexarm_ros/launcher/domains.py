@@ -80,9 +80,3 @@ def _free(port: int) -> bool:
         except OSError:
             return False
     return True
-
-
-def environment_domain() -> int | None:
-    """Return the user's own ROS_DOMAIN_ID, None where it is not set."""
-    text = os.environ.get('ROS_DOMAIN_ID', '')
-    return int(text) if text.isdigit() else None

@@ -26,6 +26,11 @@ import threading
 from typing import Any
 
 from flexarm_ros.core.ending import handle_ending
+from flexarm_ros.nodes.environment import (
+    discovery_note,
+    environment_domain,
+    EnvironmentRefused,
+)
 from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.lockstep import connect, spin
 from flexarm_ros.nodes.middleware import prepare
@@ -54,6 +59,14 @@ _RECORDER_NICE = 10
 
 def run_process(name: str, argv: list[str]) -> int:
     """Run node ``name`` with a ROS command line; see `flexarm_ros.nodes.main`."""
+    try:
+        environment_domain()
+    except EnvironmentRefused as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 2
+    note = discovery_note()
+    if note:
+        print(note, file=sys.stderr)
     if name == 'player':
         from flexarm_ros.nodes.player import play
 

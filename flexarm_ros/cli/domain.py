@@ -1,0 +1,50 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The option ``--domain``, and the ROS environment that it may replace."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from flexarm_ros.cli import UsageError
+from flexarm_ros.nodes import environment
+
+
+def add_option(parser: argparse.ArgumentParser, otherwise: str) -> None:
+    """Add ``--domain``; ``otherwise`` is the domain where nothing names one."""
+    parser.add_argument(
+        '--domain', type=_domain, metavar='N',
+        help=f'ROS_DOMAIN_ID (default: that of the environment, else {otherwise})',
+    )  # fmt: skip
+
+
+def chosen_domain(given: int | None) -> int | None:
+    """Return the domain that was given, else the environment's; UsageError where it is none."""
+    try:
+        domain = environment.environment_domain() if given is None else given
+    except environment.EnvironmentRefused as error:
+        raise UsageError(str(error)) from None
+    note = environment.discovery_note()
+    if note:
+        print(note, file=sys.stderr)
+    return domain
+
+
+def _domain(text: str) -> int:
+    try:
+        return environment.read_domain(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None

@@ -1,0 +1,53 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a ROS environment asks for, looked at before anything starts."""
+
+from __future__ import annotations
+
+import os
+import re
+
+_DOMAIN = re.compile(r'\s*\+?(0|[1-9][0-9]{0,2})', re.ASCII)
+_LAST_DOMAIN = 232
+"""The ports of higher domains are beyond the last UDP port: DDSI-RTPS 2.5, section 9.6.2."""
+
+
+class EnvironmentRefused(Exception):
+    """A variable asks for what cannot be done; one line for the user."""
+
+
+def read_domain(text: str) -> int:
+    """Return a ROS_DOMAIN_ID as rcl reads it; ValueError where it is none."""
+    match = _DOMAIN.fullmatch(text)
+    if match is None or int(match[1]) > _LAST_DOMAIN:
+        raise ValueError(f'{text!r}: not a whole number from 0 to {_LAST_DOMAIN}')
+    return int(match[1])
+
+
+def environment_domain() -> int | None:
+    """Return the user's own ROS_DOMAIN_ID, None where it is not set."""
+    text = os.environ.get('ROS_DOMAIN_ID', '')
+    try:
+        return read_domain(text) if text else None
+    except ValueError as error:
+        raise EnvironmentRefused(f'ROS_DOMAIN_ID={error}') from None
+
+
+def discovery_note() -> str:
+    """Return a line where discovery depends on a server, which may not run; else nothing."""
+    server = os.environ.get('ROS_DISCOVERY_SERVER')
+    if not server:
+        return ''
+    return f'ROS_DISCOVERY_SERVER={server}: nodes find each other through it only'
