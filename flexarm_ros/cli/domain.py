@@ -32,9 +32,14 @@ def add_option(parser: argparse.ArgumentParser, otherwise: str) -> None:
 
 
 def chosen_domain(given: int | None) -> int | None:
-    """Return the domain that was given, else the environment's; UsageError where it is none."""
+    """
+    Return the domain that was given, else the environment's.
+
+    UsageError where it is none, or where the environment asks for security that cannot be had.
+    """
     try:
         domain = environment.environment_domain() if given is None else given
+        environment.enforce_security()
     except environment.EnvironmentRefused as error:
         raise UsageError(str(error)) from None
     note = environment.discovery_note()

@@ -36,6 +36,22 @@ def read_domain(text: str) -> int:
     return int(match[1])
 
 
+def enforce_security() -> None:
+    """
+    Let rcl fail where it cannot secure what ROS_SECURITY_ENABLE asks to be secured.
+
+    Its other strategy, the default, leaves nodes without keys unsecured and does not say so.
+    Raises EnvironmentRefused where there are no keys at all.
+    """
+    if os.environ.get('ROS_SECURITY_ENABLE') != 'true':
+        return
+    if not os.environ.get('ROS_SECURITY_KEYSTORE'):
+        raise EnvironmentRefused(
+            'ROS_SECURITY_ENABLE=true: nothing can be secured, ROS_SECURITY_KEYSTORE is not set'
+        )
+    os.environ['ROS_SECURITY_STRATEGY'] = 'Enforce'
+
+
 def environment_domain() -> int | None:
     """Return the user's own ROS_DOMAIN_ID, None where it is not set."""
     text = os.environ.get('ROS_DOMAIN_ID', '')

@@ -28,6 +28,7 @@ from typing import Any
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.nodes.environment import (
     discovery_note,
+    enforce_security,
     environment_domain,
     EnvironmentRefused,
 )
@@ -61,6 +62,7 @@ def run_process(name: str, argv: list[str]) -> int:
     """Run node ``name`` with a ROS command line; see `flexarm_ros.nodes.main`."""
     try:
         environment_domain()
+        enforce_security()
     except EnvironmentRefused as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
