@@ -341,6 +341,27 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert 'no bag in it' in err
 
 
+def test_several_runs_are_verified_and_what_is_none_is_skipped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, also = (str(write_messages(tmp_path / name, CONFIG)) for name in ('good', 'also'))
+    for name, file in (('page', 'report.html'), ('sweep', 'sweep.json')):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / file).touch()
+    others = [str(tmp_path / 'page'), str(tmp_path / 'sweep')]
+    assert main(['verify', good, *others, also]) == 0
+    said = capsys.readouterr()
+    assert said.out.count('\nthe same\n') == 2
+    assert said.err.splitlines() == [
+        f'flexarm verify: {others[0]}: skipped, a report',
+        f'flexarm verify: {others[1]}: skipped, a sweep',
+    ]
+    assert main(['verify', str(tmp_path / 'none'), good]) == 1
+    said = capsys.readouterr()
+    assert 'NOT VERIFIED: ' in said.out and said.out.endswith('the same\n')
+    assert main(['verify', *others]) == 2
+
+
 def test_a_topic_that_is_missing_throughout_is_no_ragged_end(tmp_path: Path) -> None:
     silent = write_messages(
         tmp_path / 'a', CONFIG, lambda k, t, data: None if t == STATE else data

@@ -187,6 +187,23 @@ def test_a_report_lies_beside_its_run_or_here(
     assert (tmp_path / 'report' / 'report.html').is_file()
 
 
+def test_reports_and_sweeps_among_runs_are_skipped(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, file in (('page', 'report.html'), ('sweep', 'sweep.json')):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / file).touch()
+    page, sweep = str(tmp_path / 'page'), str(tmp_path / 'sweep')
+    words = ['report', '--no-pictures', '--out', str(tmp_path / 'out')]
+    assert main([*words, page, str(runs / 'pd_tip'), sweep]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        f'flexarm report: {page}: skipped, a report',
+        f'flexarm report: {sweep}: skipped, a sweep',
+    ]
+    assert main([*words, page]) == 2
+    assert main([*words, page, sweep]) == 2
+
+
 def test_a_bag_s_report_lies_beside_it(tmp_path: Path) -> None:
     simulate(scenario.load('pd_tip', [*SHORT, 'duration=0.2']), tmp_path / 'run', 'pd_tip')
     (tmp_path / 'run' / 'trajectory.csv').unlink()

@@ -67,6 +67,18 @@ def new_directory(
             return path
 
 
+def skips(path: Path, command: str) -> bool:
+    """Whether ``path``, which is no run, is a report or a sweep; prints that it is skipped."""
+    from flexarm_ros.analysis.report import PAGE
+    from flexarm_ros.analysis.sweep_store import IDENTITY
+
+    for kind, file in (('report', PAGE), ('sweep', IDENTITY)):
+        if (path / file).is_file():
+            print(f'flexarm {command}: {path}: skipped, a {kind}', file=sys.stderr)
+            return True
+    return False
+
+
 def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = False) -> None:
     """Print a run's metrics and where its files are; draw the pictures first if asked to."""
     drawn = _draw(directory) if pictures else []

@@ -18,11 +18,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 import webbrowser
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
+
+if TYPE_CHECKING:
+    from flexarm_ros.analysis.report_runs import Run
 
 
 def add_parser(subparsers: Any) -> None:
@@ -35,7 +38,11 @@ def add_parser(subparsers: Any) -> None:
         'series, the bending arm in motion, the fuzzy logic system, the scenario.',
     )
     parser.add_argument(
-        'runs', metavar='RUN', nargs='+', type=Path, help='output directory of a run, or its bag'
+        'runs',
+        metavar='RUN',
+        nargs='+',
+        type=Path,
+        help='output directory of a run, or its bag; of several, reports and sweeps are skipped',
     )
     parser.add_argument(
         '--out', type=Path, metavar='DIR',
@@ -51,11 +58,10 @@ def run(args: argparse.Namespace) -> int:
     """Write page and pictures; 0, or 2 where a RUN is not one."""
     from flexarm_ros.analysis.figures import write_figures
     from flexarm_ros.analysis.report import write_report
-    from flexarm_ros.analysis.report_runs import load_run, RunError
+    from flexarm_ros.analysis.report_runs import RunError
 
-    given = given_scenario(args)
     try:
-        runs = [load_run(path, given, args.namespace) for path in args.runs]
+        runs = _load(args)
         out = args.out or (runs[0].directory if len(runs) == 1 else Path()) / 'report'
         page = write_report(runs, out)
         pictures = [] if args.no_pictures else write_figures(runs, out)
@@ -66,3 +72,19 @@ def run(args: argparse.Namespace) -> int:
     if args.open:
         webbrowser.open(page.resolve().as_uri())
     return 0
+
+
+def _load(args: argparse.Namespace) -> list[Run]:
+    from flexarm_ros.analysis.report_runs import load_run, RunError
+    from flexarm_ros.cli.output import skips
+
+    given, runs = given_scenario(args), []
+    for path in args.runs:
+        try:
+            runs.append(load_run(path, given, args.namespace))
+        except RunError:
+            if len(args.runs) == 1 or not skips(path, 'report'):
+                raise
+    if not runs:
+        raise UsageError('none of these is a run')
+    return runs

@@ -17,8 +17,10 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
 
 if TYPE_CHECKING:
@@ -34,12 +36,15 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         'verify',
         help='recompute a recorded run and compare every message',
-        description="Recompute RUN (a run's directory, the bag in it or the .mcap file) from the "
-        'scenario in the bag (or --scenario), node by node from the recorded inputs and as a '
+        description="Recompute each RUN (a run's directory, the bag in it or the .mcap file) from "
+        'the scenario in the bag (or --scenario), node by node from the recorded inputs and as a '
         'closed loop, and compare every recorded message byte for byte.',
         epilog='Exit status: 0 all the same; 1 something differs, or the bag cannot be read.',
     )
-    parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
+    parser.add_argument(
+        'runs', metavar='RUN', nargs='+', type=Path,
+        help='output directory of a run, or its bag; of several, reports and sweeps are skipped',
+    )  # fmt: skip
     parser.add_argument(
         '--without', action='append', default=[], choices=NODES, metavar='NODE',
         help="NODE was somebody else's: take its messages as they are; repeats",
@@ -48,10 +53,34 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Verify the run; 0 if all is the same, else 1."""
+    """Verify the runs; 0 if all is the same, else 1."""
+    if len(args.runs) == 1:
+        return _verify(args, args.runs[0])
+    statuses = [_one_of_several(args, path) for path in args.runs]
+    if set(statuses) == {None}:
+        raise UsageError('none of these is a run')
+    return max(status for status in statuses if status is not None)
+
+
+def _one_of_several(args: argparse.Namespace, path: Path) -> int | None:
+    """Verify one run, None if it is skipped; the others are verified if it cannot be read."""
+    from flexarm_ros.bag.errors import BagError
+    from flexarm_ros.cli.output import skips
+
+    try:
+        print(f'{path}:', flush=True)
+        return _verify(args, path)
+    except BagError as error:
+        if skips(path, 'verify'):
+            return None
+        print(f'NOT VERIFIED: {error}')
+        return 1
+
+
+def _verify(args: argparse.Namespace, path: Path) -> int:
     from flexarm_ros.bag.verify import verify
 
-    verdict = verify(args.run, args.without, given_scenario(args), args.namespace)
+    verdict = verify(path, args.without, given_scenario(args), args.namespace)
     _show(verdict)
     return 0 if verdict.same else 1
 
