@@ -16,7 +16,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import contextlib
+import io
 import json
 import os
 from pathlib import Path
@@ -32,7 +34,10 @@ from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.recover import recover, Rescue
 from flexarm_ros.bag.scan import Scanner
 from flexarm_ros.cli import main
+from mcap.reader import make_reader
+from mcap.writer import Writer
 import pytest
+from rosbag2tools import Received, text, write_mcap
 
 CONFIG = small_config()
 TICKS, CHUNK = 300, 50
@@ -235,6 +240,76 @@ def test_command(
     assert 'not overwritten' in err
     assert main(['recover', str(tmp_path / 'absent'), '--out', str(tmp_path / 'y')]) == 2
     assert 'no such file' in capsys.readouterr().err
+
+
+def rewritten(
+    sound: bytes, path: Path, alter: Callable[[str, int, bytes], list[tuple[str, int, bytes]]]
+) -> Path:
+    """Write our bag anew with other messages, its scenario and provenance as they were."""
+    with open(path, 'wb') as file:
+        writer, reader = Writer(file, chunk_size=20_000), make_reader(io.BytesIO(sound))
+        writer.start('ros2', 'libmcap')
+        for attachment in reader.iter_attachments():
+            writer.add_attachment(
+                attachment.create_time, attachment.log_time, attachment.name,
+                attachment.media_type, attachment.data,
+            )  # fmt: skip
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        channels: dict[str, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            for topic, time, data in alter(channel.topic, message.log_time, message.data):
+                if topic not in channels:
+                    kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    channels[topic] = writer.register_channel(topic, 'cdr', kind)
+                writer.add_message(channels[topic], time, data, time)
+        writer.finish()
+    return path
+
+
+def test_other_topics_and_second_messages_are_no_loss(
+    sound: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rewritten(
+        sound,
+        tmp_path / 'more.mcap',
+        lambda topic, time, data: (
+            [(topic, time, data)] * (1 + (topic == '/clock'))
+            + [('/camera', time, data)] * (topic == '/clock')
+        ),
+    )
+    assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith('whole: 1800 messages, 300 of 300 ticks')
+    assert '300 messages are on topics that the run does not have' in said
+    assert '300 messages are second ones of a topic at a tick' in said
+    check_content(tmp_path / 'new', set(range(TICKS)))
+
+
+def test_nothing_has_a_reason_and_leaves_nothing(
+    sound: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rewritten(
+        sound, tmp_path / 'late.mcap', lambda topic, time, data: [(topic, time + 1, data)]
+    )
+    assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 1
+    assert 'nothing: none of its messages belongs to the run' in capsys.readouterr().err
+    assert not (tmp_path / 'new').exists()
+
+
+def test_a_sound_bag_that_never_had_a_scenario_is_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sent = [Received('/chatter', 'std_msgs/msg/String', 10**9 + i, text(str(i))) for i in range(9)]
+    path = write_mcap(tmp_path / 'other.mcap', sent)
+    assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 0
+    assert capsys.readouterr().out.startswith('whole: 9 messages, no scenario')
+    cut = tmp_path / 'cut.mcap'
+    whole = path.read_bytes()
+    with Scanner(path) as scanner:
+        (end,) = [record.end for record in scanner.records() if record.opcode == 0x06]
+    cut.write_bytes(whole[:end])
+    assert main(['recover', str(cut), '--out', str(tmp_path / 'part')]) == 3
 
 
 LIMIT = 120_000

@@ -67,6 +67,8 @@ from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.torque_file import parse_torques
 from mcap.opcode import Opcode
 from mcap.records import Header
+import numpy as np
+from numpy.typing import NDArray
 
 _LOOSE = 6000
 """Messages outside of chunks that are written as one chunk."""
@@ -80,7 +82,9 @@ class Rescue:
     What came of a rescue.
 
     ``kept`` messages are in the new bag, ``complete`` of ``planned`` ticks.
-    ``dropped`` counts messages that fit nowhere.  ``damages`` says what was
+    ``dropped`` counts messages that fit nowhere; apart from those, ``foreign`` counts
+    messages on topics that the run does not have, ``repeated`` second messages of a topic
+    at a tick, of which the first is kept.  ``damages`` says what was
     found, a line each.  ``harmed``: something is wrong in the data section;
     ``ended``: the data section's end is there; ``lost_front``: scenario or
     provenance are lost.  ``chunks`` and ``loose`` count sound chunks and messages
@@ -91,6 +95,8 @@ class Rescue:
     complete: int = 0
     planned: int = 0
     dropped: int = 0
+    foreign: int = 0
+    repeated: int = 0
     harmed: bool = False
     ended: bool = False
     lost_front: bool = False
@@ -145,6 +151,9 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
             _rescue_plain(path, front, target, rescue)
         else:
             _rescue_run(path, front, config, target, rescue)
+        if not rescue.kept:
+            shutil.rmtree(target, ignore_errors=True)
+            rescue.note('none of its messages belongs to the run')
     except BagExistsError:
         raise  # somebody else has made it meanwhile
     except BagError:
@@ -285,7 +294,9 @@ def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
             return config
     except (KeyError, ValueError, TypeError, RecursionError):
         pass
-    rescue.lost_front = True
+    # Where no trace of one is in a sound bag, it is another recorder's and nothing is lost.
+    traces = SCENARIO_FILE in front.attachments or PARAMETERS_RECORD in front.metadata
+    rescue.lost_front = traces or rescue.harmed or not rescue.ended
     rescue.note(first.removeprefix(f'{path}: '))
     return None
 
@@ -306,9 +317,13 @@ def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescu
         except BagContentError as error:
             rescue.note(f'{str(error).removeprefix(f"{path}: ")}; our own order assumed')
     altering = {c.id for c in front.channels.values() if c.topic == changes.PATH}
+    foreign = front.channels.keys() - index.keys() - altering
+    seen = np.zeros((timeline.ticks, len(topics)), dtype=bool)
     with BagWriter(target, config, front_provenance(front)) as writer:
         for messages in _sound_messages(path, rescue.keeps_loose):
-            last = _rescue_messages(messages, writer, index, altering, timeline, rescue)
+            ours = [message for message in messages if message.channel not in foreign]
+            rescue.foreign += len(messages) - len(ours)
+            last = _rescue_messages(ours, writer, index, altering, timeline, seen, rescue)
             writer.end_tick(last - 1)
     rescue.complete = writer.complete_ticks
 
@@ -319,6 +334,7 @@ def _rescue_messages(
     index: Mapping[int, int],
     altering: set[int],
     timeline: Timeline,
+    seen: NDArray[np.bool_],
     rescue: Rescue,
 ) -> int:
     """Write the messages of one chunk that make sense; return the last of their ticks."""
@@ -331,7 +347,12 @@ def _rescue_messages(
             elif rest or not 0 <= tick < timeline.ticks:
                 raise ValueError
             else:
-                writer.write(index[message.channel], tick, message.data)
+                topic = index[message.channel]
+                if seen[tick, topic]:
+                    rescue.repeated += 1
+                    continue
+                writer.write(topic, tick, message.data)
+                seen[tick, topic] = True
                 last = max(last, tick)
             rescue.kept += 1
         except (BagContentError, LookupError, ValueError):

@@ -45,8 +45,13 @@ def run(args: argparse.Namespace) -> int:
     else:
         print(f'{verdict}: {"; ".join(rescue.damages)}', file=sys.stderr)
         return rescue.status
-    if rescue.dropped:
-        print(f'  {rescue.dropped} messages fit nowhere and were left out')
+    for count, what in (
+        (rescue.foreign, 'are on topics that the run does not have'),
+        (rescue.repeated, 'are second ones of a topic at a tick'),
+        (rescue.dropped, 'fit nowhere'),
+    ):
+        if count:
+            print(f'  {count} messages {what} and were left out')
     for damage in rescue.damages:
         print(f'  {damage}')
     return rescue.status
