@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import flexarm_ros as fa
 from flexarm_ros.core.stability import SampledLoop
 from flexarm_ros.core.stability_form import NoLinearFormError
@@ -45,6 +47,14 @@ def test_arm_and_law_close_to_the_loop_of_the_stability_analysis(
     assert len(found) == len(inside)
     for value in inside:
         assert np.min(np.abs(found - value)) < 1e-6
+
+
+@pytest.mark.parametrize('function', [fa.linearize, fa.linear_law])
+@pytest.mark.parametrize('angle', ['theta1', 'theta2'])
+@pytest.mark.parametrize('value', [float('nan'), float('inf')])
+def test_a_pose_is_finite(function: Callable[..., object], angle: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f'^{angle}: {value}: not a finite angle$'):
+        function('fls_tip', **{angle: value})
 
 
 @pytest.mark.parametrize('model', ['buffer', 'pade2'])

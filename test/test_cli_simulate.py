@@ -149,6 +149,30 @@ def test_list_laws_prints_one_a_line(capsys: pytest.CaptureFixture[str]) -> None
     assert set(specs(ControllerParameters)['law'][1].choices) == set(LAWS)
 
 
+@pytest.mark.parametrize(
+    ('value', 'text'), [([None] * 70, '-'), ([0.5, None], '0.5 -'), ([], ''), (None, '-')]
+)
+def test_what_is_not_known_is_one_dash(value: object, text: str) -> None:
+    from flexarm_ros.cli.output import format_metric
+
+    assert format_metric(value) == text
+
+
+def test_progress_has_no_figure_before_there_is_one(capsys: pytest.CaptureFixture[str]) -> None:
+    from flexarm_ros import scenario
+    from flexarm_ros.cli import progress
+
+    with progress.Progress(scenario.load('fls_tip'), 'fls_tip') as shown:
+        shown.update(1, 16000)
+        shown._last_line -= 60.0
+        shown.update(1, 16000)
+    with progress.CountProgress('sweep', 10, 4) as counted:
+        counted._last_line -= 60.0
+        counted.update(4)
+    said = capsys.readouterr().err.splitlines()
+    assert said == ['fls_tip: 0.00 of 16 s simulated', 'sweep: 4 of 10 runs']
+
+
 def test_progress_in_a_pipe_is_plain_lines(capsys: pytest.CaptureFixture[str]) -> None:
     from flexarm_ros import scenario
     from flexarm_ros.cli import progress

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
@@ -75,7 +76,7 @@ def linearize(
     Raises
     ------
     ScenarioError, ValueError
-        For a bad scenario; for a sensor that has no time-invariant model.
+        For a bad scenario or pose; for a sensor that has no time-invariant model.
 
     """
     with extra('control'):
@@ -130,6 +131,9 @@ def linear_law(
 
 
 def _pose(config: RunConfig, theta1: float | None, theta2: float | None) -> tuple[float, float]:
+    for name, angle in (('theta1', theta1), ('theta2', theta2)):
+        if angle is not None and not math.isfinite(angle):
+            raise ValueError(f'{name}: {angle}: not a finite angle')
     start = initial_angles(config)
     return (
         start[0] if theta1 is None else float(theta1),

@@ -119,7 +119,8 @@ def headline(summary: dict[str, Any]) -> str:
 def format_metric(value: Any) -> str:
     """Return a metric in five digits, ``-`` for what is not known, empty for no values."""
     if isinstance(value, list):
-        return ' '.join(format_metric(item) for item in value)
+        shown = [format_metric(item) for item in value]
+        return '-' if set(shown) == {'-'} else ' '.join(shown)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return f'{value:.5g}'
     return '-'

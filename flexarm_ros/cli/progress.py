@@ -106,12 +106,14 @@ class Progress(_Shown):
             return
         wall = now - self._start
         factor = (ticks - self._first) * self._period / wall if wall > 0.0 else 0.0
-        simulated = f'{ticks * self._period:.2f} of {self._duration:g} s simulated'
+        note = f'{ticks * self._period:.2f} of {self._duration:g} s simulated'
+        if factor > 0.0:
+            note += f', {factor:.1f} times real time'
         if self._bar is not None:
-            self._show(ticks, total, f'{simulated}, {factor:.1f} times real time')
+            self._show(ticks, total, note)
         elif self._line_is_due():
-            left = (total - ticks) * self._period / factor if factor > 0.0 else 0.0
-            self.say(f'{self._name}: {simulated}, {factor:.1f} times real time, {left:.0f} s left')
+            left = (total - ticks) * self._period
+            self.say(f'{self._name}: {note}' + (f', {left / factor:.0f} s left' if factor else ''))
 
 
 class CountProgress(_Shown):
@@ -127,6 +129,8 @@ class CountProgress(_Shown):
         if self._bar is not None:
             self._show(done, self._total, f'{done} of {self._total} runs')
         elif self._line_is_due():
-            wall = time.monotonic() - self._start
-            left = wall / max(1, done - self._first) * (self._total - done)
-            self.say(f'{self._name}: {done} of {self._total} runs, {left:.0f} s left')
+            note = f'{self._name}: {done} of {self._total} runs'
+            if done > self._first:
+                each = (time.monotonic() - self._start) / (done - self._first)
+                note += f', {each * (self._total - done):.0f} s left'
+            self.say(note)
