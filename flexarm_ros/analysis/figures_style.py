@@ -26,6 +26,7 @@ import contextlib
 from dataclasses import dataclass, replace
 import os
 from pathlib import Path
+import sys
 import textwrap
 from types import ModuleType
 from typing import Any, TYPE_CHECKING
@@ -169,16 +170,22 @@ def drawing() -> Iterator[None]:
 
 
 def _matplotlib() -> ModuleType:
-    """Import matplotlib, which refuses a backend that is not installed although none is used."""
+    """
+    Import matplotlib, which refuses a backend that is not installed although none is used.
+
+    The variable is hidden meanwhile: an import that has failed cannot always be repeated.
+    """
+    if 'matplotlib' in sys.modules:
+        return sys.modules['matplotlib']
+    backend = os.environ.pop('MPLBACKEND', None)
     try:
         import matplotlib
-    except ValueError:
-        backend = os.environ.pop('MPLBACKEND', None)
-        try:
-            import matplotlib
-        finally:
-            if backend is not None:
-                os.environ['MPLBACKEND'] = backend
+    finally:
+        if backend is not None:
+            os.environ['MPLBACKEND'] = backend
+    if backend:
+        with contextlib.suppress(ValueError):  # else it is the user's for other figures
+            matplotlib.rcParams['backend'] = backend
     return matplotlib
 
 

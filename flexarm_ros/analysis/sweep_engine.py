@@ -30,9 +30,9 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
-import multiprocessing
 from typing import Any
 
+from flexarm_ros.analysis.spawning import spawn_context
 from flexarm_ros.analysis.sweep_worker import (
     code_version,
     Row,
@@ -64,8 +64,7 @@ class LocalPool:
 
     def __init__(self, bases: Sequence[RunConfig], workers: int) -> None:
         self._bases, self._workers = bases, workers
-        # Not by fork: the parent has threads (progress), which a fork would cut off.
-        self._context = multiprocessing.get_context('spawn')
+        self._context = spawn_context()
 
     def rows(self, tasks: Sequence[Task], stop: Stop) -> Iterator[Row]:
         """Yield rows as they are done; leaves undone what is not when ``stop()`` says so."""

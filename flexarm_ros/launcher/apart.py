@@ -17,12 +17,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-import multiprocessing
 from multiprocessing.connection import Connection
 from pathlib import Path
 import signal
 from typing import Any
 
+from flexarm_ros.analysis.spawning import spawn_context
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.core.ending import handle_ending
@@ -39,7 +39,7 @@ def simulate_apart(
     stop: Callable[[], bool],
 ) -> dict[str, Any]:
     """As `flexarm_ros.bag.simulation.simulate`; BagError also where the process dies."""
-    context = multiprocessing.get_context('spawn')
+    context = spawn_context()
     here, there = context.Pipe(duplex=False)
     halt = context.Event()
     process = context.Process(

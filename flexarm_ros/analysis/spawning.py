@@ -1,0 +1,38 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How processes of this package start processes of Python that share objects with them."""
+
+from __future__ import annotations
+
+import multiprocessing
+from multiprocessing import resource_tracker
+from multiprocessing.context import SpawnContext
+import signal
+
+
+def spawn_context() -> SpawnContext:
+    """
+    Return the context in which processes are spawned, its resource tracker running.
+
+    Not by fork: the parent has threads (progress), which a fork would cut off.  The tracker
+    ignores SIGINT and SIGTERM, and is to outlive a closed terminal as well: it inherits that
+    SIGHUP is blocked.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return multiprocessing.get_context('spawn')
