@@ -56,7 +56,6 @@ def test_nodes_that_disagree_refuse_to_start(tmp_path: Path, ros_domain: int) ->
     assert not (tmp_path / 'run' / 'bag').exists()
 
 
-@pytest.mark.essential
 def test_a_missing_node_is_named(tmp_path: Path, ros_domain: int) -> None:
     file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3', 'start_timeout=2.0')
     nodes = [start_node(role, file) for role in ('plant', 'encoder', 'trajectory')]
