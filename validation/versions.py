@@ -28,7 +28,6 @@ from importlib import metadata
 import json
 import os
 from pathlib import Path
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -58,10 +57,15 @@ def requirements(oldest: bool) -> Iterator[str]:
 
 
 def interpreter(version: str) -> str | None:
-    """Return a working Python of this version, or ``None``."""
-    found = shutil.which(f'python{version}')
-    works = found and subprocess.run([found, '-c', ''], capture_output=True).returncode == 0
-    return found if works else None
+    """Return a working Python of this version, pyenv's included, or ``None``."""
+    try:
+        done = subprocess.run(
+            [f'python{version}', '-c', 'import sys; print(sys._base_executable)'],
+            env=os.environ | {'PYENV_VERSION': version}, capture_output=True, text=True,
+        )  # fmt: skip
+    except FileNotFoundError:
+        return None
+    return done.stdout.strip() or None
 
 
 def tried(python: str, oldest: bool, directory: Path) -> str:
