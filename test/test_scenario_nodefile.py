@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
+from flexarm_ros.core.parameters import SECTIONS
 from flexarm_ros.nodes.own_parameters import OWN
 from flexarm_ros.nodes.parameters import assignments, parameter_files
 from flexarm_ros.scenario import ScenarioError
@@ -190,6 +191,23 @@ def test_unknown_keys_are_named(tmp_path: Path, text: str, role: str, words: lis
     assert message.startswith(f'{tmp_path}/0.yaml: ')
     assert '\n' not in message
     assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize('role', [role for role in SECTIONS if role != '/**'])
+def test_a_key_of_any_node_of_ours_may_stand_under_a_wildcard(tmp_path: Path, role: str) -> None:
+    keys = {
+        'payload_mass': 1.0,
+        'hold_at': '',
+        'compression': 'none',
+        'output': 'runs',
+        'kp': 80.0,
+    }
+    for text in (section('/**', **keys), section('/**', **keys) + section('rviz2', a=1)):
+        assert read(tmp_path, text, role=role).notes == []
+    with pytest.raises(
+        scenario.ScenarioError, match="payload_mas: unknown key; did you mean 'pay"
+    ):
+        read(tmp_path, section('/**', payload_mas=1.0) + section('rviz2', a=1))
 
 
 def test_keys_that_other_nodes_share_are_passed_over(tmp_path: Path) -> None:

@@ -84,6 +84,7 @@ class Verdict:
     faults: list[str] = field(default_factory=list)
     versions: list[str] = field(default_factory=list)
     other_source: bool = False
+    source_known: bool = True
 
     @property
     def same(self) -> bool:
@@ -332,6 +333,7 @@ def _say_origin(reader: BagReader, skip: frozenset[str], verdict: Verdict) -> No
         verdict.versions = reader.provenance.differences(here)
         verdict.other_source = reader.provenance.digest != here.digest
     else:
+        verdict.source_known = False
         verdict.notes.append('the bag does not tell the versions that it was recorded with')
     verdict.notes += reader.notes
     for index, topic in enumerate(reader.topics):

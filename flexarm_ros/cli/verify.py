@@ -104,7 +104,12 @@ def _show(verdict: Verdict) -> None:
     earliest = verdict.earliest
     if earliest is not None:
         print(f'DIFFERS: {earliest}')
-        if not verdict.other_source:
+        if not verdict.source_known:
+            print(
+                'the run may have had another scenario (--scenario, --set), external nodes '
+                '(--without NODE) or other source'
+            )
+        elif not verdict.other_source:
             print('the source is the same: the bag was changed, or this is a fault of flexarm_ros')
     else:
         print('the same' if verdict.same else 'NOT AS IT SHOULD BE: see above')

@@ -257,8 +257,8 @@ def _pass_over(
 
 def _elsewhere(node: NodeName, key: str) -> str:
     """Return a hint to another role that has the key; empty: none of ours has."""
-    places = {**{role: specs(kind) for role, kind in SECTIONS.items()}, **node.others}
-    names = [f'{role}.{key}' for role, keys in places.items() if key in keys]
+    places = [(role, specs(kind)) for role, kind in SECTIONS.items()]
+    names = [f'{role}.{key}' for role, keys in (*places, *node.others.items()) if key in keys]
     return f"; did you mean '{names[0]}'?" if names else ''
 
 
