@@ -171,14 +171,15 @@ def test_a_loop_from_the_middle_ends_with_a_signal(
     listener.hear(0)
     player = replay(run, '--loop', '--start', '0.25', '--rate', '5')
     try:
-        wait_for(lambda: len(listener.came['/clock']) > 120, 60, 'more than two rounds')
+        wait_for(lambda: len(listener.came['/clock']) > 170, 60, 'more than three rounds')
     finally:
         player.send_signal(number)
         (text,) = finish([player])
     assert player.returncode == status, text
     assert 'Traceback' not in text
-    stamps = listener.stamps()[:100]
-    assert stamps == [*range(250, 300), *range(250, 300)]
+    stamps = listener.stamps()
+    first = stamps.index(250)  # the listener may have been found in the first round
+    assert stamps[first:][:100] == [*range(250, 300), *range(250, 300)]
 
 
 class Answers:
