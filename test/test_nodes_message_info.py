@@ -28,6 +28,8 @@ import sys
 import threading
 
 from conftest import STANDIN
+from flexarm_ros.nodes.lockstep import Input, RunFailed
+from flexarm_ros.nodes.status import Board, Phase, Status
 from nodetools import finish, flexarm, start_node, wait_for, write_scenario
 import pytest
 
@@ -131,3 +133,60 @@ def test_a_middleware_that_cannot_do_is_refused_by_name(
     (text,) = finish([plant], 30.0)  # the limit on joining is 60 s
     assert plant.returncode == 1
     assert "start: rmw_fastrtps_cpp does not return a node's own messages" in text
+
+
+class _Topic:
+    """A topic of which the middleware has connected so many publishers."""
+
+    name = 'joint_command'
+
+    def __init__(self, publishers: int) -> None:
+        self.publishers = publishers
+
+    def get_publisher_count(self) -> int:
+        return self.publishers
+
+
+def _unnamed_input(exact: bool, publishers: int) -> Input:
+    """Return an input before tick 1 whose messages do not tell their publisher."""
+    entry = Input.__new__(Input)
+    entry.topic = entry.handle = _Topic(publishers)
+    entry.source, entry.tick, entry.accepted = 'controller', 0, b''
+    entry._unnamed, entry._exact, entry._unwanted = True, exact, 'another publisher'
+    entry._rising, entry._gap, entry._jumped, entry._sender = False, False, False, b''
+    entry._first_ns, entry._period_ns, entry._last_stamp = 10**9, 10**6, 10**9
+    entry._sequence = 7
+    return entry
+
+
+def _takes(entry: Input, number: int, stamp: int) -> bool:
+    """Whether the message with this number and stamp is that of tick 1."""
+    if not entry._in_sequence({'publication_sequence_number': number}, 1):
+        return False
+    return not entry._judge(b'', stamp, (1.0,))
+
+
+def test_a_message_of_a_publisher_that_has_left_is_none_of_the_runs() -> None:
+    entry = _unnamed_input(exact=True, publishers=1)
+    assert not _takes(entry, 1, 0)
+    assert _takes(entry, 8, 1_001_000_000)
+    sensor = _unnamed_input(exact=False, publishers=1)
+    assert not _takes(sensor, 1, 1_000_000_000)
+    assert _takes(sensor, 8, 1_000_500_000)
+
+
+@pytest.mark.parametrize('exact', [True, False])
+def test_a_gap_of_the_only_publisher_is_a_lost_message(exact: bool) -> None:
+    with pytest.raises(RunFailed, match='a message on joint_command is lost'):
+        _takes(_unnamed_input(exact, publishers=1), 9, 1_002_000_000)
+
+
+def test_a_node_that_was_never_found_in_the_graph_is_forgotten() -> None:
+    status = Status('encoder', '7', '/encoder', Phase.READY)
+    board = Board.__new__(Board)
+    board.others, board._senders, board._sources = {'7': status}, {'7': b''}, {}
+    board._seen = {'7'}
+    board._publishers = list  # type: ignore[method-assign]
+    board.source = lambda _: b''  # type: ignore[method-assign]
+    board.forget_the_gone()
+    assert not board.others

@@ -298,7 +298,9 @@ def _sensor_ticks(
     if span is not None:
         first, last = span
         if len(stamps) == last - first + 1:
-            return first + np.arange(len(stamps))
+            ticks = np.empty_like(stamps)
+            ticks[np.argsort(stamps, kind='stable')] = np.arange(first, last + 1)
+            return ticks
         lag = timeline.stamp_ns(first) - int(stamps.min())
         if by_lag is None and lag == timeline.stamp_ns(last) - int(stamps.max()) >= 0:
             return _lagging(stamps, timeline, lag, 1, span)

@@ -139,7 +139,8 @@ class Input:
         self.tick = -1
         self.data = b''
         self._sequence: int | None = None
-        self._numbered = True
+        self._gap = self._jumped = False
+        """Whether numbers have jumped since the last valid message, and whether ever."""
         self.values: Values = ()
         self.arrived.clear()
         self._last_stamp = -(2**63)
@@ -212,28 +213,31 @@ class Input:
         Whether a message follows the last one of the run's publisher; see `_next`.
 
         True too where the middleware does not number messages.  A gap is a lost message,
-        unless messages do not tell their publisher and there is a second one: then the
-        stamp tells, or where it need not be the tick's, the number alone.
+        unless messages do not tell their publisher and it may be another's, which may have
+        left already: then the stamp tells, or where it need not be the tick's, the number.
         """
         number = info.get('publication_sequence_number')
-        if number is None or not self._numbered:
+        if number is None:
             return True
-        if self._sequence is not None and number != self._sequence + 1:
-            if not self._unnamed or self._only_publisher():
-                raise RunFailed(
-                    self.source, f'tick {tick}: a message on {self.topic.name} is lost'
-                )
-            if not self._exact:
+        last = self._sequence
+        if last is not None and number != last + 1:
+            if self._unnamed and self._exact:
+                self._gap = self._jumped = True
+            elif self._unnamed and (number <= last or not self._only_publisher()):
                 return False
-            self._numbered = False
+            else:
+                raise self._lost(tick)
         self._sequence = number
         return True
+
+    def _lost(self, tick: int) -> RunFailed:
+        return RunFailed(self.source, f'tick {tick}: a message on {self.topic.name} is lost')
 
     def _mixed(self) -> bool:
         """Whether what comes may be another arm's clock, and messages do not tell."""
         if self._unwanted or not self._unnamed:
             return False
-        return not (self._numbered and self._only_publisher())
+        return self._jumped or not self._only_publisher()
 
     def _only_publisher(self) -> bool:
         """Whether the middleware has connected one publisher at most."""
@@ -264,6 +268,8 @@ class Input:
         tick = self.tick + 1
         due = self._first_ns + tick * self._period_ns
         if stamp != due and (self._exact or stamp > due):
+            if stamp > due and self._gap and self._unwanted and self._only_publisher():
+                raise self._lost(tick)
             return f'stamp {stamp} ns where tick {tick} has {due} ns'
         if self._rising and stamp <= self._last_stamp:
             return f'stamp {stamp} ns again at tick {tick}, or older than the one before'
@@ -271,6 +277,7 @@ class Input:
             return f'value that is not finite at tick {tick}'
         self._last_stamp = stamp
         self.tick, self.data, self.values = tick, data, values
+        self._gap = False
         self.accepted = self.accepted or self._sender
         return ''
 
@@ -323,6 +330,7 @@ class Input:
         if self._exact and ahead.any():
             return False
         self.tick, self.data, self._last_stamp = last, messages[-1], int(stamps[-1])
+        self._gap = False
         self.accepted = self.accepted or self._sender
         return True
 

@@ -230,7 +230,8 @@ class Board:
             if source in alive:
                 self._seen.add(identity)
             elif identity in self._seen:
-                del self.others[identity], self._senders[identity], self._sources[identity]
+                del self.others[identity], self._senders[identity]
+                self._sources.pop(identity, None)
 
     def silent(self) -> set[bytes]:
         """Return the sources with more status publishers in the graph than statuses heard."""
