@@ -29,7 +29,8 @@ from flexarm_ros.nodes.graph import reads
 from flexarm_ros.nodes.live import ChangesInput, LiveParameters
 from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
-from flexarm_ros.nodes.parameters import declare_and_load, declare_own, Own
+from flexarm_ros.nodes.own_parameters import OWN
+from flexarm_ros.nodes.parameters import declare_and_load, declare_own
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.status import Board, Phase
 from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
@@ -64,8 +65,6 @@ class Participant(Node):
     """
 
     ROLE: ClassVar[str]
-    OWN_PARAMETERS: ClassVar[dict[str, Own]] = {}
-    """Parameters that are no part of a scenario."""
     again = False
     """Whether `advance` may have more to do at once; else a wake-up takes one call."""
 
@@ -73,7 +72,7 @@ class Participant(Node):
         super().__init__(self.ROLE, **options)
         self.supervisor = supervisor
         self.config = declare_and_load(self, self.ROLE, argv)
-        declare_own(self, self.ROLE, self.OWN_PARAMETERS, argv)
+        declare_own(self, self.ROLE, OWN.get(self.ROLE, {}), argv)
         self.board = Board(self, self.ROLE)
         self.failure: RunFailed | None = None
         self.failed_run = False

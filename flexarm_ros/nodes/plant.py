@@ -23,7 +23,6 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.nodes.own_parameters import OWN, Own
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.run_control import RunControl
@@ -46,7 +45,6 @@ class PlantNode(Participant):
     """Publishes ``/clock`` and the state of tick k, waits for its torque, integrates."""
 
     ROLE: ClassVar[str] = 'plant'
-    OWN_PARAMETERS: ClassVar[dict[str, Own]] = OWN['plant']
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)

@@ -26,7 +26,6 @@ from flexarm_ros.bag.recording import finish_run, free_directory, prepare_direct
 from flexarm_ros.nodes.graph import RECORDED_TOPIC
 from flexarm_ros.nodes.live import ChangesInput
 from flexarm_ros.nodes.lockstep import RunFailed
-from flexarm_ros.nodes.own_parameters import OWN, Own
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressOutput
 
@@ -44,7 +43,6 @@ class RecorderNode(Participant):
     """Takes the serialized bytes of all per-tick topics in batches and writes them."""
 
     ROLE: ClassVar[str] = 'recorder'
-    OWN_PARAMETERS: ClassVar[dict[str, Own]] = OWN['recorder']
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
