@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from flexarm_ros import scenario
@@ -100,6 +101,22 @@ def test_a_controller_waits_until_all_in_the_graph_have_said_who_they_are(
     with pytest.raises(RunFailed, match=r'refused: another controller \(/first\) takes part'):
         member.join(1.95)
     assert member.refused
+
+
+def test_who_joins_says_so_again_and_again(joining: Joining) -> None:
+    """As a volatile reader shows, which is not told what was said before it was there."""
+    node, mine = joining.second, joining.second.board.mine
+    late = joining.first.node.create_subscription(
+        DiagnosticStatus, status.TOPIC, lambda _: None, 9
+    )
+
+    def heard() -> bool:
+        node.look_around(time.monotonic())
+        taken = late.handle.take_message(DiagnosticStatus, False)
+        return taken is not None and taken[0].hardware_id == mine.identity
+
+    wait_for(heard, 20, 'told again')
+    assert node.board.mine.phase is Phase.JOINING
 
 
 def test_it_does_not_wait_for_ever(joining: Joining) -> None:

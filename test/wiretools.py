@@ -108,8 +108,12 @@ class Peers(Wire):
             if taken is not None:
                 return bytes(taken[0])
             assert node.poll() is None, f'the node has ended:\n{node.communicate()[0]}'
-            self._waiter.wait([handle], 100_000_000)
+            self.wait_for(handle)
         raise AssertionError(f'no message on {topic.name} within {PATIENCE_S:g} s')
+
+    def wait_for(self, handle: Any) -> None:
+        """Wait until there may be a message, 0.1 s at the longest."""
+        self._waiter.wait([handle], 100_000_000)
 
     def wait_until(self, node: subprocess.Popen[str], done: Callable[[], bool], what: str) -> None:
         """Look at the node's status until ``done``."""

@@ -25,6 +25,7 @@ the record says exactly which message was the first with it.
 from __future__ import annotations
 
 from collections import deque
+import time
 from typing import TYPE_CHECKING
 
 from flexarm_ros import scenario
@@ -33,6 +34,7 @@ from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import changed, RunConfig, SECTIONS, specs
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import qos_profile
+from flexarm_ros.nodes.lockstep import RunFailed
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, SetParametersResult
 from rclpy.duration import Duration
@@ -93,6 +95,7 @@ class LiveParameters:
     def apply(self) -> None:
         """Set what is waiting, from this node's next tick on; the recorder is told first."""
         me = self._me
+        self._wait_for_the_recorder()
         while self.waiting:
             key, value = self.waiting.popleft()
             change = Change(me.tick, me.ROLE, key, float(value))
@@ -101,6 +104,17 @@ class LiveParameters:
             me.get_logger().info(f'{key} = {value!r} from tick {me.tick} on')
         self._publisher.wait_for_all_acked(Duration(seconds=_TOLD_S))
         me.retune(self.config)
+
+    def _wait_for_the_recorder(self) -> None:
+        """Wait until it is connected: it would miss the change.  RunFailed where it is not."""
+        deadline = time.monotonic() + _TOLD_S
+        while not self._me.membership.heard(changes.TOPIC, self._publisher):
+            if time.monotonic() > deadline:
+                raise RunFailed(
+                    'recorder', f'tick {self._me.tick}: not connected to {changes.TOPIC} within '
+                    f'{_TOLD_S:g} s'
+                )  # fmt: skip
+            time.sleep(0.01)
 
     def _message(self, change: Change) -> ParameterEvent:
         stamp_ns = self._me.timeline.stamp_ns(change.tick)

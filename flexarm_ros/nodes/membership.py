@@ -29,6 +29,7 @@ from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
 from flexarm_ros.nodes.status import Board, Phase, Status, TOPIC
+from rclpy.publisher import Publisher
 from rclpy.qos import qos_check_compatible, QoSCompatibility
 
 if TYPE_CHECKING:
@@ -257,7 +258,11 @@ class Membership:
     def matched(self, now: float) -> bool:
         """Whether every input has its publisher and every output all its readers."""
         inputs = (i.topic.name for i in self._me.inputs.values() if not self._input_matched(i))
-        outputs = (o.topic.name for o in self._me.outputs.values() if not self._output_matched(o))
+        outputs = (
+            o.topic.name
+            for o in self._me.outputs.values()
+            if not self.heard(o.topic.name, o.publisher)
+        )
         late = next(chain(inputs, outputs), None)
         if late is None:
             return True
@@ -300,10 +305,10 @@ class Membership:
         entry.bind(mine[0], self._board.sender_info, entry.source in self.foreign)
         return True
 
-    def _output_matched(self, output: Any) -> bool:
+    def heard(self, topic: str, publisher: Publisher) -> bool:
         """Whether the readers are there, and the middleware has connected as many as it sees."""
-        roles = [r for r in readers(output.topic.name) if r in self.required()]
-        endpoints = self._me.get_subscriptions_info_by_topic(output.publisher.topic_name)
+        roles = [r for r in readers(topic) if r in self.required()]
+        endpoints = self._me.get_subscriptions_info_by_topic(publisher.topic_name)
         for role in roles:
             if role in self.foreign:
                 continue
@@ -313,12 +318,12 @@ class Membership:
             source = self._board.source(status)
             if not source or not any(source_of(e) == source for e in endpoints):
                 return False
-        mine = output.publisher.qos_profile
+        mine = publisher.qos_profile
         able = sum(
             qos_check_compatible(mine, e.qos_profile)[0] is not QoSCompatibility.ERROR
             for e in endpoints
         )
-        return bool(output.publisher.get_subscription_count() >= able >= min(1, len(roles)))
+        return bool(publisher.get_subscription_count() >= able >= min(1, len(roles)))
 
     # --- while it runs -------------------------------------------------------------------
 

@@ -221,8 +221,10 @@ class Participant(Node):
             if self.interrupted or self.supervisor.gone:
                 self.interrupt()
             elif self.board.mine.phase is Phase.JOINING:
+                self.board.remind(now)
                 self._join(now)
             elif self.board.mine.phase is Phase.READY:
+                self.board.remind(now)
                 self.membership.watch(now)
                 self.check_start(now)
             elif self.board.mine.phase is Phase.RESETTING:
@@ -299,11 +301,15 @@ class Participant(Node):
         if self.finished:
             return
         self.membership.watch(now)
+        for output in self.side_outputs:
+            # Again: it was told to nobody where the reader was not connected yet.
+            output.tell(self.tick)
         self.missing = ''
         paused = plant is not None and plant.phase is Phase.PAUSED
         pace = float(plant.extra.get('pace_s', '0')) if plant is not None else 0.0
         limit = self.config.run.tick_timeout + self.patience_s() + pace
         if not self._begun():
+            self.board.remind(now)
             if now - self._ready_at > self.config.run.start_timeout:
                 raise RunFailed(
                     'plant', f'start: not begun within {self.config.run.start_timeout:g} s'

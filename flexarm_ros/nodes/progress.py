@@ -15,8 +15,9 @@
 """
 How far a node has come, told on a side channel: a tick number now and then.
 
-Nobody waits for these at a tick.  The plant tells the trajectory how far the
-run is, the recorder tells the plant how much is in the bag.
+Nobody waits for these at a tick, and they are repeated while a run goes on.  The
+plant tells the trajectory how far the run is, the recorder tells the plant how much
+is in the bag.
 """
 
 from __future__ import annotations

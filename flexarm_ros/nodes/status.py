@@ -29,6 +29,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+import math
 import time
 from typing import Any
 import uuid
@@ -56,6 +57,8 @@ _READ_QOS = QoSProfile(
 _MOST_VALUES = 50
 _MOST_MESSAGES = 200
 """Messages taken at one look: a flood of them must not keep a node from its work."""
+
+_REMIND_S = 1.0
 
 EPOCH, PACE = 'epoch', 'pace_s'
 """Keys of further values: the run's number in this graph, and the plant's wall time a tick."""
@@ -177,6 +180,7 @@ class Board:
         self._sources: dict[str, bytes] = {}
         self._seen: set[str] = set()
         self.newcomers = 0
+        self._told = -math.inf
         self._publisher = node.create_publisher(
             DiagnosticStatus, TOPIC, _QOS, qos_overriding_options=NO_OVERRIDES
         )
@@ -189,7 +193,13 @@ class Board:
         """Change this node's own status and tell everybody."""
         self.mine = replace(self.mine, **changes)  # type: ignore[arg-type]
         self.going = self.mine.phase in GOING
+        self._told = time.monotonic()
         self._publisher.publish(self.mine.to_message())
+
+    def remind(self, now: float) -> None:
+        """Tell everybody again what was told a second ago: somebody may have missed it."""
+        if now - self._told > _REMIND_S:
+            self.publish()
 
     def update(self) -> None:
         """Take what has arrived."""
