@@ -28,6 +28,9 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+"""Name of an endpoint's node in the graph until it is known; for ever outside ROS 2."""
+
 
 class SenderInfo(Enum):
     """What a received message's info says of its publisher."""

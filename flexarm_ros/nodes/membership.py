@@ -23,14 +23,14 @@ from typing import Any, NoReturn, TYPE_CHECKING
 
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
+from flexarm_ros.nodes.compatibility import connects, publisher_fault, shown, subscriber_faults
 from flexarm_ros.nodes.epochs import epoch_of, plant_of
 from flexarm_ros.nodes.graph import OUTPUT, READERS, readers, ROLES
-from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo
+from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
-from flexarm_ros.nodes.status import Board, Phase, Status, TOPIC
+from flexarm_ros.nodes.status import Board, heard_by, Phase, Status, TOPIC, TYPE
 from rclpy.publisher import Publisher
-from rclpy.qos import qos_check_compatible, QoSCompatibility
 
 if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
@@ -44,6 +44,10 @@ A process that is not given the processor looks less often.
 """
 _NAMES_S = 5.0
 """Seconds after which nodes of one name that cannot be told apart end the run."""
+_COMPATIBLE_S = 0.2
+"""Seconds between looks at the graph for endpoints that never connect."""
+_NAMELESS_S = 1.0
+"""Seconds in which the graph tells the name of an endpoint's node, if it ever does."""
 _STRANGERS_S = 0.1
 """Seconds for which a look at the graph for publishers outside the run holds."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
@@ -64,6 +68,10 @@ class Membership:
         self._foreign_since: dict[str, float] = {}
         self._silent_since: dict[bytes, float] = {}
         self._unmatched_since: float | None = None
+        self._next_check = -math.inf
+        self._fault_since: float | None = None
+        self.deaf: dict[str, None] = {}
+        """Subscriptions outside the run that cannot hear this node's publishers, and why not."""
         self.foreign: set[str] = set()
         self._members: dict[str, str] = {}
         self._looks = 0
@@ -129,15 +137,82 @@ class Membership:
             return False
         self._board.forget_the_gone()
         self._refuse_a_second_holder()
+        self._heed_failures()
+        self._check_compatibility(now)
         missing = [role for role in self.required() if not self._filled(role, now)]
         if missing:
+            self._wait(f'no {", ".join(missing)} has joined')
             self._patience_for(missing, now)
             return False
         if self._somebody_is_silent(now):
             return False
+        self._wait('')
         if not self.built:
             self.config = self._merge()
         return True
+
+    def _wait(self, what: str) -> None:
+        """Tell the peers what this node is waiting for; empty: nothing."""
+        text = what or self._board.mine.phase.value
+        if text != self._board.mine.text:
+            self._board.publish(text=text)
+
+    def _heed_failures(self) -> None:
+        """
+        Leave with a peer's reason where it has failed after it had heard of this node.
+
+        A failure before that belongs to another attempt to start.
+        """
+        for other in self._board.others.values():
+            if other.phase is Phase.FAILED and self._board.mine.identity in heard_by(other):
+                role = other.role if other.role in ROLES else ''
+                raise RunFailed(other.blame or role, other.text, told_by=role)
+
+    def _check_compatibility(self, now: float) -> None:
+        """Leave where a publisher or subscription of an external node can never connect."""
+        if now < self._next_check:
+            return
+        self._next_check = now + _COMPATIBLE_S
+        fault = self._incompatible()
+        if fault is None:
+            self._fault_since = None
+            return
+        self._fault_since = now if self._fault_since is None else self._fault_since
+        if UNKNOWN_NODE not in fault.reason or now - self._fault_since >= _NAMELESS_S:
+            raise fault
+
+    def _incompatible(self) -> RunFailed | None:
+        me = self._me
+        requested = {
+            entry.topic: entry.subscription.qos_profile
+            for entry in me.inputs.values()
+            if entry.source != 'plant'  # ours always; /clock is another arm's too
+        }
+        for topic, qos in requested.items():
+            fault = publisher_fault(me, topic.name, topic.type_name, qos)
+            if fault:
+                return RunFailed(topic.node, f'start: {fault}')
+        fault = publisher_fault(me, TOPIC, TYPE, self._board.read_qos)
+        if fault:
+            return RunFailed('', f'start: {fault}')
+        for output in me.outputs.values():
+            name, qos = output.topic.name, output.publisher.qos_profile
+            for endpoint, fault in subscriber_faults(me, name, output.topic.type_name, qos):
+                role = self._external_reader(name, source_of(endpoint))
+                if role:
+                    return RunFailed(role, f'start: {fault}')
+                if UNKNOWN_NODE not in fault:
+                    self.deaf[fault] = None
+        return None
+
+    def _external_reader(self, topic: str, source: bytes) -> str:
+        """Return the role of the external node from ``source`` that reads ``topic``, or none."""
+        for role in readers(topic):
+            if role in OUTPUT and any(
+                source_of(e) == source for e in self._strangers(OUTPUT[role])
+            ):
+                return role
+        return ''
 
     def _check_patience(self, now: float) -> None:
         """Restart the limit on joining at each newcomer."""
@@ -264,6 +339,7 @@ class Membership:
             if not self.heard(o.topic.name, o.publisher)
         )
         late = next(chain(inputs, outputs), None)
+        self._wait(f'{late} is not connected' if late else '')
         if late is None:
             return True
         self._unmatched_since = now if self._unmatched_since is None else self._unmatched_since
@@ -318,11 +394,8 @@ class Membership:
             source = self._board.source(status)
             if not source or not any(source_of(e) == source for e in endpoints):
                 return False
-        mine = publisher.qos_profile
-        able = sum(
-            qos_check_compatible(mine, e.qos_profile)[0] is not QoSCompatibility.ERROR
-            for e in endpoints
-        )
+        mine = shown(publisher.qos_profile)
+        able = sum(connects(mine, e.qos_profile) for e in endpoints)
         return bool(publisher.get_subscription_count() >= able >= min(1, len(roles)))
 
     # --- while it runs -------------------------------------------------------------------
@@ -354,3 +427,11 @@ class Membership:
             status = self.status_of(role)
             if status is not None and status.phase in (Phase.FAILED, Phase.REFUSED):
                 raise RunFailed(status.blame or role, status.text, told_by=role)
+
+    def waited_for(self, role: str) -> str:
+        """Return what the holder of ``role``, which still joins, is waiting for; else empty."""
+        status = self.status_of(role)
+        joining = status is not None and status.phase is Phase.JOINING
+        return (
+            f': {status.text}' if status and joining and status.text != status.phase.value else ''
+        )

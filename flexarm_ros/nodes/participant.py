@@ -262,6 +262,8 @@ class Participant(Node):
             self.membership.built = True
         if self.membership.matched(now):
             self.membership.settle()
+            for fault in self.membership.deaf:
+                self.get_logger().warning(f'a subscription gets no messages: {fault}')
             self.change_phase(Phase.READY, extra=self.epochs.extra())
             self._moved = self._ready_at = now
             self.look_interval = _JOIN_INTERVAL_S
@@ -286,7 +288,8 @@ class Participant(Node):
         limit = self.config.run.start_timeout
         if now - self._moved > limit:
             late = self.membership.not_ready() or ['']
-            raise RunFailed(late[0], f'start: {", ".join(late)} not ready within {limit:g} s')
+            why = self.membership.waited_for(late[0])
+            raise RunFailed(late[0], f'start: {", ".join(late)} not ready within {limit:g} s{why}')
 
     def _check_running(self, now: float) -> None:
         self.look_interval = HOUSEKEEPING_S
@@ -311,9 +314,8 @@ class Participant(Node):
         if not self._begun():
             self.board.remind(now)
             if now - self._ready_at > self.config.run.start_timeout:
-                raise RunFailed(
-                    'plant', f'start: not begun within {self.config.run.start_timeout:g} s'
-                )
+                limit, why = self.config.run.start_timeout, self.membership.waited_for('plant')
+                raise RunFailed('plant', f'start: not begun within {limit:g} s{why}')
             self._moved = now
         elif paused or self.board.mine.phase is Phase.PAUSED:
             self._moved = now
@@ -433,6 +435,7 @@ class Participant(Node):
             phase=Phase.REFUSED if refused else Phase.FAILED,
             text=failure.reason,
             blame=failure.blame,
+            extra=self.board.heard(),
         )
         try:
             self._close()

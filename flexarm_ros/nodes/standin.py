@@ -23,8 +23,10 @@ from typing import TYPE_CHECKING
 from flexarm_ros.bag.topics import COMMAND, per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import dump_sections
+from flexarm_ros.nodes.compatibility import publisher_fault
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.graph import message_class, qos_profile, ROLES
+from flexarm_ros.nodes.identity import UNKNOWN_NODE
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.status import Board, Phase
 
@@ -72,6 +74,12 @@ class ControllerSeat:
             if any(s.phase in (Phase.READY, Phase.RUNNING) for s in held):
                 break
             publishers = self._subscription.handle.get_publisher_count()
+            fault = publisher_fault(
+                self._player, self._topic.name, self._topic.type_name,
+                self._subscription.qos_profile,
+            )  # fmt: skip
+            if fault and UNKNOWN_NODE not in fault:
+                raise RunFailed('controller', fault)
             seen = (seen or time.monotonic()) if publishers and not held else 0.0
             if seen and time.monotonic() - seen > _FOREIGN_GRACE_S:
                 break

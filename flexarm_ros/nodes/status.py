@@ -41,7 +41,7 @@ from flexarm_ros.nodes.middleware import gid_prefix, source_of
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-TOPIC = 'lockstep/status'
+TOPIC, TYPE = 'lockstep/status', 'diagnostic_msgs/msg/DiagnosticStatus'
 _QOS = QoSProfile(
     depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -54,14 +54,17 @@ _READ_QOS = QoSProfile(
 )
 
 
-_MOST_VALUES = 50
+_MOST_VALUES, _MOST_IDENTITY = 50, 100
 _MOST_MESSAGES = 200
 """Messages taken at one look: a flood of them must not keep a node from its work."""
 
 _REMIND_S = 1.0
 
-EPOCH, PACE = 'epoch', 'pace_s'
-"""Keys of further values: the run's number in this graph, and the plant's wall time a tick."""
+EPOCH, PACE, HEARD = 'epoch', 'pace_s', 'heard'
+"""
+Keys of further values: the run's number in this graph, the plant's wall time a tick, and the
+identities of the participants that a failed one had heard of.
+"""
 
 _LARGEST, _LONGEST_S = 2**62, 1e12
 
@@ -164,6 +167,11 @@ def printable(text: str, longest: int = 500) -> str:
     return ''.join(c if c.isprintable() else '?' for c in text[:longest])
 
 
+def heard_by(status: Status) -> list[str]:
+    """Return the identities of the participants that a failed one had heard of."""
+    return status.extra.get(HEARD, '').split(',')
+
+
 class Board:
     """The statuses of all participants, as one node sees them."""
 
@@ -188,6 +196,12 @@ class Board:
             DiagnosticStatus, TOPIC, lambda _: None, _READ_QOS, callback_group=HOT
         )
         self.handle = self._subscription.handle
+        self.read_qos = _READ_QOS
+
+    def heard(self) -> dict[str, str]:
+        """Return the further values of this node's status when it has failed."""
+        known = (s.identity for s in self.others.values() if len(s.identity) < _MOST_IDENTITY)
+        return {**self.mine.extra, HEARD: ','.join(list(known)[:_MOST_VALUES])}
 
     def publish(self, **changes: object) -> None:
         """Change this node's own status and tell everybody."""
