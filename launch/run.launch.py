@@ -88,7 +88,7 @@ def start_nodes(context):
     """Return the actions that start the nodes, once the arguments are known."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     try:
-        run = LaunchedRun(given)
+        run = LaunchedRun(given, context.launch_configurations.get('ros_namespace', ''))
     except (ScenarioError, UsageError, BagError, OSError) as error:
         raise RuntimeError(str(error)) from None
     nodes = {

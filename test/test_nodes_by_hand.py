@@ -102,9 +102,9 @@ print(json.dumps({{n: [d.description, d.read_only, d.type] for n in node._parame
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     described = json.loads(done.stdout)
-    from flexarm_ros.nodes.parameters import OF_ROS
+    from flexarm_ros.scenario.reader import is_of_ros
 
-    assert all(text for name, (text, _, _) in described.items() if not name.startswith(OF_ROS))
+    assert all(text for name, (text, _, _) in described.items() if not is_of_ros(name))
     for section in ('/**', role):
         for key, (_, spec, _) in specs(SECTIONS[section]).items():
             text, read_only, kind = described[key]

@@ -16,9 +16,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+import subprocess
+import sys
 
-from nodetools import Asker, finish, flexarm, ROLES, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm, ROLES, ROOT, start_node, wait_for, write_scenario
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -96,6 +99,55 @@ def test_two_arms_fly_in_lockstep_each(
         assert flexarm('simulate', file, '--no-pictures', '--out', sim).returncode == 0
         ours, theirs = ((d / 'trajectory.csv').read_bytes() for d in (tmp_path / arm, sim))
         assert ours == theirs
+
+
+def test_two_arms_of_the_command_line(tmp_path: Path, ros_domain: int) -> None:
+    from flexarm_ros.bag.digest import digest_of
+
+    arms = {'left': 'fls_tip', '/right/arm': 'pd_mid'}
+    runs = [
+        subprocess.Popen(
+            [sys.executable, '-m', 'flexarm_ros.cli', 'run', name, '--compose', '--no-pictures',
+             '--set', 'duration=0.2', '--namespace', arm],
+            cwd=tmp_path, env={**os.environ, 'PYTHONPATH': str(ROOT)},
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )
+        for arm, name in arms.items()
+    ]  # fmt: skip
+    texts = finish(runs)
+    assert [run.returncode for run in runs] == [0, 0], texts
+    found = {path.name for path in (tmp_path / 'runs').iterdir()}
+    assert found == {'left-fls_tip', 'right-arm-pd_mid'}
+    for directory, name in (('left-fls_tip', 'fls_tip'), ('right-arm-pd_mid', 'pd_mid')):
+        sim = tmp_path / name
+        flexarm('simulate', name, '--set', 'duration=0.2', '--no-pictures', '--out', sim)
+        assert digest_of(tmp_path / 'runs' / directory) == digest_of(sim)
+
+
+def test_a_recorder_by_hand_names_its_directory_by_the_namespace(
+    tmp_path: Path, ros_domain: int
+) -> None:
+    file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.1')
+    nodes = [
+        subprocess.Popen(
+            [sys.executable, '-m', 'flexarm_ros.nodes', 'compose', '--ros-args', '--params-file',
+             str(file), '-r', '__ns:=/left', '-p', 'recorder:name:=pd_tip'],
+            cwd=tmp_path, env={**os.environ, 'PYTHONPATH': str(ROOT)},
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )
+    ]  # fmt: skip
+    texts = finish(nodes)
+    assert nodes[0].returncode == 0, texts
+    assert (tmp_path / 'runs' / 'left-pd_tip' / 'summary.json').exists()
+
+
+@pytest.mark.parametrize('given', ['a b', '1a', 'a//b', 'a/', 'é', 'a-b'])
+def test_a_namespace_that_ros_refuses(given: str) -> None:
+    for words in (['run', 'pd_tip'], ['replay', 'nosuch'], ['view']):
+        done = flexarm(*words, '--namespace', given)
+        assert done.returncode == 2
+        (line,) = done.stderr.splitlines()
+        assert line.startswith(f'flexarm {words[0]}: error: --namespace {given}: not a namespace')
 
 
 def test_a_missing_participant_is_told(tmp_path: Path, ros_domain: int, rclpy_node) -> None:

@@ -16,12 +16,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 import signal
 import subprocess
 import sys
 import threading
+from types import MappingProxyType
 from typing import Any
 
 from bagtools import small_config, small_messages, write_small
@@ -63,16 +64,16 @@ class Listener:
         while not self.stop.is_set():
             self.executor.spin_once(timeout_sec=0.1)
 
-    def hear(self, *indices: int) -> None:
-        """Take the messages of these topics as bytes."""
+    def hear(self, *indices: int, under: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Take the messages of these topics as bytes; ``under`` has names that are others."""
         from flexarm_ros.nodes.graph import message_class, qos_profile
 
         for index in indices:
             topic = per_tick_topics(CONFIG)[index]
             heard = self.came[topic.path] = []
             self.node.create_subscription(
-                message_class(topic.type_name), topic.path, heard.append, qos_profile(topic.qos),
-                raw=True,
+                message_class(topic.type_name), under.get(topic.path, topic.path), heard.append,
+                qos_profile(topic.qos), raw=True,
             )  # fmt: skip
         self.thread.start()
 
@@ -112,6 +113,57 @@ def replay(*words: str | Path) -> subprocess.Popen[str]:
         [sys.executable, '-m', 'flexarm_ros.cli', 'replay', *map(str, words)],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
     )  # fmt: skip
+
+
+def test_other_names_a_duration_and_topics_left_out(run: Path, listener: Listener) -> None:
+    listener.hear(0, 1, 3, 5, under={
+        '/plant/state': '/left/plant/state', '/tip_sensor/odometry': '/left/tip_sensor/odometry',
+        '/joint_command': '/torque',
+    })  # fmt: skip
+    player = replay(
+        run, '--rate', '0', '--delay', '3', '--start', '0.1', '--duration', '0.05', '--exclude',
+        'tip_sensor/odometry', '--namespace', 'left', '-m', 'joint_command:=/torque',
+    )  # fmt: skip
+    (text,) = finish([player])
+    assert player.returncode == 0, text
+    assert 'played 51 ticks' in text  # both ends, as `ros2 bag play` has it
+    wait_for(lambda: len(listener.came['/joint_command']) == 51, 20, 'the last torque')
+    assert listener.stamps() == list(range(100, 151))
+    truth = small_messages(CONFIG)[100:151]
+    assert listener.came['/plant/state'] == [tick[1] for tick in truth]
+    assert listener.came['/joint_command'] == [tick[5] for tick in truth]
+    assert listener.came['/tip_sensor/odometry'] == []
+
+
+@pytest.mark.parametrize(
+    ('words', 'complaint'),
+    [
+        (['--exclude', 'nix'], "exclude: 'nix' is not in the bag"),
+        (['--remap', 'nix'], 'nix: not a remapping rule OLD:=NEW'),
+        (['--duration', 'nan'], 'nan: a number from -1e+06 to 1e6'),
+    ],
+)
+def test_a_bad_option_is_named(run: Path, words: list[str], complaint: str) -> None:
+    (text,) = finish([player := replay(run, '--delay', '0', *words)])
+    assert player.returncode == 2
+    assert complaint in text
+
+
+def test_of_several_runs_that_in_the_player_s_namespace_is_played(
+    tmp_path: Path, ros_domain: int
+) -> None:
+    right = received(CONFIG, lambda k, t: k < 200, namespace='/right', others=False)
+    messages = [*received(CONFIG, namespace='/left'), *right]
+    bag = write_mcap(tmp_path / 'x.mcap', messages)
+    words = ('--scenario', 'fls_tip', '--set', 'duration=0.3', '--rate', '0', '--delay', '0')
+    for more, status, said in (
+        (['--namespace', 'right'], 0, 'played 200 ticks'),
+        (['--namespace', 'here', '--from-namespace', 'left'], 0, 'played 300 ticks'),
+        ([], 2, 'choose one: /left, /right'),
+    ):
+        (text,) = finish([player := replay(bag, *words, *more)])
+        assert said in text
+        assert player.returncode == status
 
 
 def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener) -> None:

@@ -100,17 +100,20 @@ class _Place(NamedTuple):
 
 def match(
     path: Path, files: Sequence[BagFile], fronts: Sequence[Front], config: RunConfig | None,
-    namespace: str | None,
+    namespace: str | None, preferred: str = '',
 ) -> Match:  # fmt: skip
     """
     Survey a bag: ``config`` is its scenario if there is one, ``namespace`` that of the run.
+
+    Where ``namespace`` is None and there are runs in several, that in ``preferred`` is read.
 
     Raises BagContentError where no topic of a run is in it, several runs are, or
     stamps are at no tick.
     """
     places = [{c: (name, _place(name, kind)) for c, name, kind in f.kinds()} for f in fronts]
     named = [entry for held in places for entry in held.values()]
-    space = _namespace(path, [place for _, place in named if place is not None], namespace)
+    found_places = [place for _, place in named if place is not None]
+    space = _namespace(path, found_places, namespace, preferred)
     topics = per_tick_topics(config) if config else topics_of(1, _MOST_FURTHER)
     index: list[dict[int, int]] = []
     names: dict[int, str] = {}
@@ -147,7 +150,7 @@ def _place(name: str, kind: str) -> _Place | None:
     return None
 
 
-def _namespace(path: Path, places: Sequence[_Place], wanted: str | None) -> str:
+def _namespace(path: Path, places: Sequence[_Place], wanted: str | None, preferred: str) -> str:
     """Return the namespace to read: the only one with a plant, or else the only one."""
     spaces = {p.space for p in places if p.topic == STATE}
     spaces = spaces or {p.space for p in places if p.topic not in (CLOCK, _CHANGES)}
@@ -162,6 +165,8 @@ def _namespace(path: Path, places: Sequence[_Place], wanted: str | None) -> str:
         if wanted not in spaces:
             raise BagContentError(f'{path}: no run in namespace {wanted or "/"}; there is {shown}')
         return wanted
+    if len(spaces) > 1 and preferred.strip('/') and preferred in spaces:
+        return preferred
     if len(spaces) > 1:
         raise BagContentError(f'{path}: runs in several namespaces, choose one: {shown}')
     return spaces.pop()

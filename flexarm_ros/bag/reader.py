@@ -56,7 +56,8 @@ class BagReader:
     A recorded run.
 
     ``given`` is the scenario of a bag that has none, ``namespace`` that of the
-    run in a bag of another recorder which has several.  Raises BagError
+    run in a bag of another recorder which has several; without one the run in
+    ``preferred`` is read, if there is one.  Raises BagError
     (BagFormatError, BagContentError, BagLimitError), one line, where RUN is no bag
     of a run or its scenario cannot be read.
 
@@ -70,7 +71,7 @@ class BagReader:
 
     def __init__(
         self, run: str | os.PathLike[str], given: RunConfig | None = None,
-        namespace: str | None = None,
+        namespace: str | None = None, preferred: str = '',
     ) -> None:  # fmt: skip
         self._files = open_files(run)
         self.file_count = len(self._files)
@@ -88,7 +89,8 @@ class BagReader:
         if self.own:
             self._take_own(fronts, given)
         else:
-            self._take_match(match(self.path, self._files, fronts, given, namespace))
+            found = match(self.path, self._files, fronts, given, namespace, preferred)
+            self._take_match(found)
 
     def _take_own(self, fronts: Sequence[Front], given: RunConfig | None) -> None:
         if given is not None:

@@ -79,6 +79,11 @@ class Recording:
         self._writer.abandon()
 
 
+def default_name(name: str, namespace: str) -> str:
+    """Return the name of a run's default directory; ``left-NAME`` in the namespace ``/left``."""
+    return '-'.join(part for part in (*namespace.split('/'), name) if part)
+
+
 def free_directory(name: str, below: Path = Path('runs')) -> Path:
     """Return ``runs/NAME``, or ``runs/NAME-2`` ... where that is taken."""
     number = 1

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from flexarm_ros.core.parameters import RunConfig
 
 
-def add_bag_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options to a command's parser."""
+def add_bag_options(parser: argparse.ArgumentParser, namespace: str = '--namespace') -> None:
+    """Add the options to a command's parser; ``namespace`` is the name of one of them."""
     group = parser.add_argument_group('for a bag of `ros2 bag record` or `ros2 bag convert`')
     group.add_argument(
         '--scenario', metavar='SCENARIO',
@@ -37,7 +37,7 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
         help='change a parameter of SCENARIO, as the run did; repeats',
     )  # fmt: skip
     group.add_argument(
-        '--namespace', metavar='NS', help='of the run to read where the bag has several'
+        namespace, metavar='NS', help='of the run to read where the bag has several'
     )
 
 

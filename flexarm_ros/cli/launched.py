@@ -21,6 +21,7 @@ A run whose nodes `ros2 launch` starts: arguments, progress, the table at the en
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 import os
 from pathlib import Path
 import shlex
@@ -29,8 +30,8 @@ from typing import NamedTuple
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.recording import prepare_directory
-from flexarm_ros.cli import UsageError
+from flexarm_ros.bag.recording import default_name, prepare_directory
+from flexarm_ros.cli import namespace, UsageError
 from flexarm_ros.cli.domain import chosen_domain
 from flexarm_ros.cli.output import new_directory, show_outcome
 from flexarm_ros.cli.progress import Progress
@@ -57,9 +58,15 @@ ARGUMENTS = {
         'parameters to override, as `flexarm run --set` takes them, separated by spaces: '
         'set:="plant.payload_mass=1 controller.kp=80"; quote a value that has spaces once more',
     ),
-    'out': Argument('', 'directory of the run, new or empty; empty: a new one, runs/SCENARIO'),
+    'out': Argument(
+        '',
+        'directory of the run, new or empty; empty: a new one, runs/SCENARIO or '
+        'runs/NAMESPACE-SCENARIO',
+    ),
     'namespace': Argument('', 'namespace of all nodes and topics'),
-    'rtf': Argument('0.0', 'hold the run to this multiple of real time; 0.0: no limit'),
+    'rtf': Argument(
+        '0.0', 'hold the run to this multiple of real time; 0.0: as the scenario says'
+    ),
 }
 """Name -> default and description of the arguments of ``run.launch.py``."""
 
@@ -68,22 +75,27 @@ class LaunchedRun:
     """
     A run that is ready to be started, then watched.
 
-    ``given`` has a text for each of `ARGUMENTS`.  Raises ScenarioError, UsageError, BagError or
+    ``given`` has a text for each of `ARGUMENTS`; ``around`` is the namespace that the launch files
+    around this one have pushed.  Raises ScenarioError, UsageError, BagError or
     OSError, in one line, where they cannot be used: nothing has been started then.
     """
 
-    def __init__(self, given: Mapping[str, str]) -> None:
+    def __init__(self, given: Mapping[str, str], around: str = '') -> None:
         self.config = scenario.load(given['scenario'], split_overrides(given['set']))
         rtf = read_rtf(given['rtf'])
         chosen_domain(None)
         self.name = Path(given['scenario']).stem
         # The shell leaves a tilde behind := as it is.
         out = Path(os.path.expanduser(given['out'])) if given['out'] else None
-        self.directory = new_directory(out, self.name, option='out:=')
+        inner = namespace.checked(given['namespace'], 'namespace:=')
+        space = inner if given['namespace'].startswith('/') else around + inner
+        self.directory = new_directory(out, default_name(self.name, space), option='out:=')
         prepare_directory(self.directory, self.config, self.name)
         self.nodes = RunWatch(self.directory / 'logs')
         self._scenario = write_resolved(self.directory, self.config)
-        self._own = own_arguments(self.directory, self.name, rtf)
+        pace = self.config.pace
+        pace = replace(pace, real_time_factor=rtf or pace.real_time_factor)
+        self._own = own_arguments(self.directory, self.name, pace)
         self._progress = Progress(self.config, self.name)
         self._total = round(self.config.run.duration / self.config.run.control_period)
         warm_up(self.config)  # once, not in every process at once

@@ -23,7 +23,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.cli import domain, UsageError
+from flexarm_ros.cli import domain, namespace, UsageError
 from flexarm_ros.cli.bag_options import add_bag_options
 
 
@@ -46,13 +46,30 @@ def add_parser(subparsers: Any) -> None:
         help='multiple of real time (default 1; 0: as fast as it goes)',
     )  # fmt: skip
     parser.add_argument(
-        '--start', type=_rate, default=0.0, metavar='S', help='start at this simulated time, s'
-    )
+        '--start', '--start-offset', type=_rate, default=0.0, metavar='S',
+        help='start at this simulated time, s',
+    )  # fmt: skip
+    parser.add_argument(
+        '--duration', '--playback-duration', type=_number, default=-1.0, metavar='S',
+        help='play this much simulated time, s (default: to the end)',
+    )  # fmt: skip
     parser.add_argument('--loop', action='store_true', help='start again at the end')
-    parser.add_argument('--paused', action='store_true', help='start paused')
+    parser.add_argument('--paused', '--start-paused', action='store_true', help='start paused')
     parser.add_argument(
         '--topics', nargs='+', default=[], metavar='TOPIC',
         help='only these, and /clock (default: all)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--exclude', '--exclude-topics', nargs='+', default=[], metavar='TOPIC',
+        help='not these, nor /clock where it is one of them',
+    )  # fmt: skip
+    parser.add_argument(
+        '--remap', '-m', nargs='+', action='extend', type=_rule, default=[], metavar='OLD:=NEW',
+        help='publish under other names; ROS 2 remapping rules',
+    )  # fmt: skip
+    namespace.add_option(
+        parser, 'publish in this namespace, /clock excepted; where a bag of another recorder has '
+        'runs in several, that in this one is played',
     )  # fmt: skip
     parser.add_argument(
         '--without', choices=('controller',), default='',
@@ -63,13 +80,14 @@ def add_parser(subparsers: Any) -> None:
         help='wall time to wait for subscribers first (default 1)',
     )  # fmt: skip
     domain.add_option(parser, '0')
-    add_bag_options(parser)
+    add_bag_options(parser, '--from-namespace')
 
 
 def run(args: argparse.Namespace) -> int:
     """Play the run; 0, 1 if it broke off, 2 for a bad option, 129, 130 or 143 by signals."""
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
+    space = namespace.checked(args.namespace)
     os.environ['ROS_DOMAIN_ID'] = str(domain.chosen_domain(args.domain) or 0)
     from flexarm_ros.nodes.middleware import prepare
 
@@ -80,25 +98,40 @@ def run(args: argparse.Namespace) -> int:
         'start': repr(args.start),
         'loop': str(args.loop).lower(),
         'paused': str(args.paused).lower(),
+        'duration': repr(args.duration),
         'topics': json.dumps(','.join(args.topics)),
+        'exclude': json.dumps(','.join(args.exclude)),
         'without': f"'{args.without}'",
         'delay': repr(args.delay),
         'scenario': json.dumps(args.scenario or ''),
         'set': json.dumps(';'.join(args.overrides)),
-        'namespace': json.dumps(args.namespace or ''),
+        'namespace': json.dumps(args.from_namespace or ''),
     }
     words = [word for key, value in values.items() for word in ('-p', f'{key}:={value}')]
+    rules = [f'__ns:={space}'] if space else []
+    words += [word for rule in rules + args.remap for word in ('-r', rule)]
     print(f'ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]}', flush=True)
     from flexarm_ros.nodes.player import play
 
     return play(['--ros-args', *words])
 
 
+def _rule(text: str) -> str:
+    old, assigned, new = text.partition(':=')
+    if not (old and assigned and new):
+        raise argparse.ArgumentTypeError(f'{text}: not a remapping rule OLD:=NEW')
+    return text
+
+
 def _rate(text: str) -> float:
+    return _number(text, 0.0)
+
+
+def _number(text: str, least: float = -1e6) -> float:
     try:
         value = float(text)
     except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1e6:
-        raise argparse.ArgumentTypeError(f'{text}: a number from 0 to 1e6')
+        value = float('nan')
+    if not least <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f'{text}: a number from {least:g} to 1e6')
     return value

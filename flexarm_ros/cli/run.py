@@ -23,7 +23,8 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.cli import domain, UsageError
+from flexarm_ros.bag.recording import default_name
+from flexarm_ros.cli import domain, namespace, UsageError
 from flexarm_ros.cli.own_nodes import add_option, own_nodes, REPLACEABLE
 from flexarm_ros.cli.signals import Deferred
 
@@ -47,14 +48,20 @@ def add_parser(subparsers: Any) -> None:
         help='override a parameter; repeats; the value is YAML; without a node: the whole run',
     )  # fmt: skip
     parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='directory of the run (default: runs/NAME)'
+        '--out',
+        type=Path,
+        metavar='DIR',
+        help='directory of the run (default: runs/NAME, or runs/NS-NAME)',
     )
     parser.add_argument(
         '--rtf', type=_positive, default=0.0, metavar='X',
-        help='hold the run to X times real time (default: as fast as it goes)',
+        help='hold the run to X times real time (default: /**.real_time_factor)',
     )  # fmt: skip
     parser.add_argument('--compose', action='store_true', help='all nodes in one process')
     domain.add_option(parser, 'a free one')
+    namespace.add_option(
+        parser, "namespace of all nodes and topics but /clock; a --node's own command needs it too"
+    )
     parser.add_argument(
         '--without', action='append', default=[], choices=REPLACEABLE, metavar='NODE',
         help='do not start NODE: one of yours takes its place; repeats '
@@ -80,10 +87,12 @@ def run(args: argparse.Namespace) -> int:
 
     name = Path(args.scenario).stem
     chosen = domain.chosen_domain(args.domain)
-    directory = new_directory(args.out, name)
+    space = namespace.checked(args.namespace)
+    directory = new_directory(args.out, default_name(name, space))
     options = RunOptions(
         compose=args.compose,
         rtf=args.rtf,
+        namespace=space,
         domain=chosen,
         without=tuple(args.without),
         nodes=own_nodes(args.nodes),

@@ -22,7 +22,7 @@ import os
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.cli import domain, UsageError
+from flexarm_ros.cli import domain, namespace, UsageError
 
 
 def add_parser(subparsers: Any) -> None:
@@ -40,7 +40,7 @@ def add_parser(subparsers: Any) -> None:
         'scenario', metavar='SCENARIO', nargs='?', help='a parameter file or a shipped scenario'
     )
     domain.add_option(parser, '0')
-    parser.add_argument('--namespace', default='', metavar='NS', help='namespace of the arm')
+    namespace.add_option(parser, 'namespace of the arm')
     parser.add_argument(
         '--port', type=int, default=8765, choices=range(65536), metavar='P',
         help='port of the WebSocket server (default %(default)s; 0: a free one)',
@@ -84,6 +84,6 @@ def _words(args: argparse.Namespace) -> list[str]:
     if args.scenario is not None:
         scenario.load(args.scenario, [])
         words += ['--params-file', str(scenario.find(args.scenario))]
-    if args.namespace:
-        words += ['-r', f'__ns:=/{args.namespace.strip("/")}']
+    if space := namespace.checked(args.namespace):
+        words += ['-r', f'__ns:={space}']
     return words

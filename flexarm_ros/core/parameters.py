@@ -35,6 +35,7 @@ __all__ = [
     'SECTIONS',
     'ControllerParameters',
     'EncoderParameters',
+    'PaceParameters',
     'PlantParameters',
     'RecorderParameters',
     'RunConfig',
@@ -297,6 +298,28 @@ SECTIONS: dict[str, type] = {
 
 
 @dataclass(frozen=True)
+class PaceParameters:
+    """
+    How a run's nodes are paced: in section ``/**`` or ``plant``, and the plant's parameters.
+
+    They change no number of a run: a simulation ignores them, and no bag records them.
+    """
+
+    real_time_factor: float = _key(
+        0.0, 'float', '', 'hold the nodes of a run to this multiple of real time; 0: no limit',
+        low=0.0, high=1e6, live=True,
+    )  # fmt: skip
+    step_ticks: int = _key(
+        1, 'int', '', 'ticks that the service `plant/step` lets a paused run do', low=1,
+        high=10**9, live=True,
+    )  # fmt: skip
+    start_paused: bool = _key(
+        False, 'bool', '', 'the nodes of a run wait before tick 0 for the service `plant/pause` '
+        '(data: false) or `plant/step`',
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
 class RunConfig:
     """
     A whole, checked scenario: what every layer passes around.
@@ -304,7 +327,7 @@ class RunConfig:
     ``torques`` holds the rows of the torque file, shape ``(rows, 3)`` as
     nested tuples ``(t, tau1, tau2)``, empty unless the law is ``open_loop``.
     ``changes`` are the live parameters that were set while a recorded run went
-    on; a scenario file has none.
+    on; a scenario file has none.  ``pace`` changes no number of the run and is not recorded.
     """
 
     run: RunParameters = RunParameters()
@@ -316,6 +339,7 @@ class RunConfig:
     recorder: RecorderParameters = RecorderParameters()
     torques: tuple[tuple[float, float, float], ...] = ()
     changes: tuple[Change, ...] = ()
+    pace: PaceParameters = PaceParameters()
 
 
 def changed(config: RunConfig, change: Change) -> RunConfig:

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import errno
 import json
 import os
@@ -29,12 +29,13 @@ import time
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import finish_run, prepare_directory
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters import PaceParameters, RunConfig, specs
 from flexarm_ros.core.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProcesses
 from flexarm_ros.launcher.reports import RunWatch
+from flexarm_ros.nodes.own_parameters import how_to_go_on
 
 ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 REPLACEABLE = ('encoder', 'tip_sensor', 'trajectory', 'controller')
@@ -52,7 +53,8 @@ class RunOptions:
     """
     How to run, apart from what to run.
 
-    ``rtf`` holds the run to a multiple of real time (0: as fast as it goes);
+    ``rtf`` holds the run to a multiple of real time (0: as the scenario says);
+    ``namespace`` is that of all nodes, as ``/left``, empty for none;
     ``domain`` is None for a free one; ``without`` lists roles that somebody
     else's nodes fill, ``nodes`` those whose command is given: started with the
     others, ended with the run; ``discovery`` is ROS_AUTOMATIC_DISCOVERY_RANGE.
@@ -60,6 +62,7 @@ class RunOptions:
 
     compose: bool = False
     rtf: float = 0.0
+    namespace: str = ''
     domain: int | None = None
     without: tuple[str, ...] = ()
     nodes: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -106,6 +109,9 @@ def run_scenario(
     with reserved_domain(options.domain) as domain:
         prepare_directory(directory, config, name)
         announce(f'ROS_DOMAIN_ID={domain}')
+        if config.pace.start_paused:
+            go_on = how_to_go_on(f'{options.namespace}/plant')
+            announce(f'begins paused; to begin: ROS_DOMAIN_ID={domain} {go_on}')
         commands = _commands(config, name, directory, options, faults)
         environment, logs = _environment(domain, options), directory / 'logs'
         with NodeProcesses(
@@ -151,7 +157,10 @@ def _commands(
 ) -> dict[str, list[str]]:
     """Write the normalised scenario and return the command line of each process."""
     shared = ['--params-file', str(write_resolved(directory, config))]
-    own = own_arguments(directory, name, options.rtf, faults.ticks if faults is not None else ())
+    if options.namespace:
+        shared += ['-r', f'__ns:={options.namespace}']
+    pace = replace(config.pace, real_time_factor=options.rtf or config.pace.real_time_factor)
+    own = own_arguments(directory, name, pace, faults.ticks if faults is not None else ())
     roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
     if options.compose:
         every = [word for role in roles for word in own.get(role, [])]
@@ -172,17 +181,21 @@ def write_resolved(directory: Path, config: RunConfig) -> Path:
 
 
 def own_arguments(
-    directory: Path, name: str, rtf: float = 0.0, hold_at: Sequence[int] = ()
+    directory: Path, name: str, pace: PaceParameters, hold_at: Sequence[int] = ()
 ) -> dict[str, list[str]]:
     """Return the ROS arguments of those nodes that have parameters beside the scenario's."""
-    pace = [f'plant:real_time_factor:={_number(rtf)}'] if rtf else []
+    plant = [
+        f'plant:{key}:={_yaml(getattr(pace, field))}'
+        for key, (field, _, default) in specs(PaceParameters).items()
+        if getattr(pace, field) != default
+    ]
     if hold_at:
-        pace.append("plant:hold_at:='" + ','.join(map(str, hold_at)) + "'")
+        plant.append("plant:hold_at:='" + ','.join(map(str, hold_at)) + "'")
     record = [
         f'recorder:output:={quoted(str(directory.resolve()))}',
         f'recorder:name:={quoted(name)}',
     ]
-    return {'plant': _overrides(pace), 'recorder': _overrides(record)}
+    return {'plant': _overrides(plant), 'recorder': _overrides(record)}
 
 
 def _resolved(directory: Path) -> Path:
@@ -195,8 +208,10 @@ def quoted(text: str) -> str:
     return f'"{"".join(c if c > chr(0xFFFF) else json.dumps(c)[1:-1] for c in text)}"'
 
 
-def _number(value: float) -> str:
-    """Return ``value`` as rcl takes it for a number: 1e-05 alone would be a text."""
+def _yaml(value: float) -> str:
+    """Return ``value`` as rcl takes it: 1e-05 alone would be a text."""
+    if not isinstance(value, float):
+        return json.dumps(value)
     mantissa, exponent, power = repr(float(value)).partition('e')
     return f'{mantissa}{"" if "." in mantissa else ".0"}{exponent}{power}'
 

@@ -18,14 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexarm_ros.core.parameters import Spec
+from flexarm_ros.core.parameters import PaceParameters, Spec, specs
 from flexarm_ros.scenario.convert import convert
 from flexarm_ros.scenario.rclyaml import Scalar, Tree
 
 FASTEST = 1e6
 """Largest multiple of real time, and largest number of seconds."""
-
-MOST_STEPS = 10**9
 
 _KINDS = {float: 'float', int: 'int', bool: 'bool', str: 'str'}
 
@@ -55,16 +53,17 @@ class Own:
         return value
 
 
+def how_to_go_on(plant: str) -> str:
+    """Return what lets the run of the node ``plant``, with its namespace, begin or go on."""
+    return f"ros2 service call {plant}/pause std_srvs/srv/SetBool '{{data: false}}'"
+
+
 OWN = {
     'plant': {
-        'real_time_factor': Own(
-            0.0, 'hold the run to this multiple of real time; 0: free to run', low=0.0,
-            high=FASTEST, live=True,
-        ),
-        'step_ticks': Own(
-            1, 'ticks that the service ~/step lets a paused run do', low=1, high=MOST_STEPS,
-            live=True,
-        ),
+        **{
+            key: Own(default, spec.doc, spec.unit, spec.low, spec.high, spec.live)
+            for key, (_, spec, default) in specs(PaceParameters).items()
+        },
         'hold_at': Own(
             '', 'ticks, comma separated, before which the launcher has something to do'
         ),
@@ -84,7 +83,12 @@ OWN = {
         'paused': Own(
             False, 'wait for the service ~/resume or ~/play_next before the first tick'
         ),
+        'duration': Own(
+            -1.0, 'simulated time to play from start on; below 0: to the end', 's', low=-FASTEST,
+            high=FASTEST,
+        ),
         'topics': Own('', 'topics to publish beside /clock, comma separated; empty: all'),
+        'exclude': Own('', 'topics not to publish, comma separated; /clock may be one'),
         'without': Own(
             '', 'controller: leave the torque to another node, in lock-step; empty: play it too'
         ),
@@ -99,7 +103,8 @@ OWN = {
         'scenario': Own('', 'the scenario of a bag that has none: a file or a shipped name'),
         'set': Own('', 'changes of its parameters, NODE.KEY=VALUE, separated by semicolons'),
         'namespace': Own(
-            '', "the run's namespace in a bag of another recorder; empty: the only one"
+            '', 'namespace of the run in a bag of another recorder; empty: the only one, or that '
+            'of the player'
         ),
     },
     'viewer': {

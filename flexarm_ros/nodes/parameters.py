@@ -28,12 +28,12 @@ from typing import Any
 
 from flexarm_ros.core.parameters import RunConfig, RunParameters, SECTIONS, Spec, specs
 from flexarm_ros.nodes.own_parameters import OWN, Own
-from flexarm_ros.scenario.nodefile import NodeName, NodeParameters, OF_ROS, read_node
+from flexarm_ros.scenario.nodefile import NodeName, NodeParameters, read_node
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-__all__ = ['OF_ROS', 'Own', 'declare_and_load', 'declare_own', 'given_parameters']
+__all__ = ['Own', 'declare_and_load', 'declare_own', 'given_parameters']
 
 _TYPES = {
     'float': Parameter.Type.DOUBLE,

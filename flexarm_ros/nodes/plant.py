@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
+from flexarm_ros.nodes.own_parameters import how_to_go_on
 from flexarm_ros.nodes.participant import Participant
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.run_control import RunControl
@@ -81,7 +82,10 @@ class PlantNode(Participant):
         """Start when every participant is connected and built."""
         if self.membership.all_ready(self.epochs.number):
             self.control.begin(0)
-            self._tell(Phase.RUNNING)
+            self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
+            if self.control.paused:
+                go_on = how_to_go_on(self.get_fully_qualified_name())
+                self.get_logger().info(f'paused before tick 0; to begin: {go_on}')
         else:
             self.check_patience(now)
 

@@ -69,10 +69,11 @@ class PlayerNode(Node):
         given = self.options.scenario
         self.reader = BagReader(
             self.options.bag, scenario.load(given, self.options.set) if given else None,
-            self.options.namespace or None,
+            self.options.namespace or None, self.get_namespace(),
         )  # fmt: skip
         self.timeline = self.reader.timeline
         self._first = self._first_tick()
+        self._last = self._last_tick()
         self._pace = Pace(self.options.rate, self.options.paused, self.stopped)
         self._outlets = {
             index: self.create_publisher(
@@ -113,17 +114,30 @@ class PlayerNode(Node):
             )
         return first
 
+    def _last_tick(self) -> int:
+        """Return the last tick to play: the last that is not after ``start + duration``."""
+        if self.options.duration < 0.0:
+            return self.timeline.ticks - 1
+        end = round(self.options.start * 1e9) + round(self.options.duration * 1e9)
+        return max(self._first, end // self.timeline.period_ns)
+
     def _choose_topics(self) -> set[int]:
         """Return the indices of the topics to publish; PlayerError names an unknown one."""
-        names = {self.reader.topics[index].path: index for index in sorted(self.reader.names)}
-        chosen = {CLOCK}
-        for text in self.options.topics or names:
-            path = text if text.startswith('/') else '/' + text
-            if path not in names:
-                raise PlayerError(f"topics: '{text}' is not in the bag: {', '.join(names)}")
-            chosen.add(names[path])
+        chosen = {CLOCK, *(self._named('topics') or self.reader.names)}
+        chosen -= self._named('exclude')
         if self.options.without:
             chosen.discard(COMMAND)
+        return chosen
+
+    def _named(self, option: str) -> set[int]:
+        """Return the indices of the topics that the parameter ``option`` lists."""
+        names = {self.reader.topics[index].path: index for index in sorted(self.reader.names)}
+        chosen = set()
+        for text in getattr(self.options, option):
+            path = text if text.startswith('/') else '/' + text
+            if path not in names:
+                raise PlayerError(f"{option}: '{text}' is not in the bag: {', '.join(names)}")
+            chosen.add(names[path])
         return chosen
 
     # --- services --------------------------------------------------------------------
@@ -215,6 +229,8 @@ class PlayerNode(Node):
 
     def _from_start(self) -> Iterator[tuple[int, list[bytes | None]]]:
         for tick, messages in self.reader.ticks():
+            if tick > self._last:
+                return
             if tick >= self._first:
                 yield tick, messages
 

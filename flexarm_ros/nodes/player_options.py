@@ -39,7 +39,9 @@ class PlayerOptions:
     start: float
     loop: bool
     paused: bool
+    duration: float
     topics: tuple[str, ...]
+    exclude: tuple[str, ...]
     without: str
     delay: float
     tick_timeout: float
@@ -59,7 +61,8 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
     except ScenarioError as error:
         raise PlayerError(str(error)) from None
     node.describe_parameter('rate').dynamic_typing = True  # set: an integer will do, see `number`
-    values['topics'] = _split(values['topics'], ',')
+    for name in ('topics', 'exclude'):
+        values[name] = _split(values[name], ',')
     values['set'] = _split(values['set'], ';')
     options = PlayerOptions(**values)
     if not options.bag:

@@ -22,7 +22,13 @@ import time
 from typing import Any, ClassVar
 
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.recording import finish_run, free_directory, prepare_directory, Recording
+from flexarm_ros.bag.recording import (
+    default_name,
+    finish_run,
+    free_directory,
+    prepare_directory,
+    Recording,
+)
 from flexarm_ros.nodes.graph import RECORDED_TOPIC
 from flexarm_ros.nodes.live import ChangesInput
 from flexarm_ros.nodes.lockstep import RunFailed
@@ -78,7 +84,8 @@ class RecorderNode(Participant):
     def _directory(self) -> Path:
         """Return the run's directory: the parameter ``output``, else a new one."""
         wanted = str(self.get_parameter('output').value or '')
-        return Path(wanted) if wanted else free_directory(self._name or 'run')
+        default = default_name(self._name or 'run', self.get_namespace())
+        return Path(wanted) if wanted else free_directory(default)
 
     def advance(self) -> bool:
         """Write whatever has arrived, now and then."""

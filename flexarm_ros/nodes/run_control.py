@@ -52,7 +52,7 @@ class RunControl:
     def __init__(self, plant: PlantNode) -> None:
         self._plant = plant
         self._lock = threading.Lock()
-        self.paused = False
+        self.paused = bool(plant.get_parameter('start_paused').value)
         self._resting = False
         """Paused, and the last tick that went out has been answered and integrated."""
         self._steps = 0

@@ -31,7 +31,7 @@ from flexarm_ros.core.parameters import RunConfig, SECTIONS, Spec, specs
 from flexarm_ros.scenario.convert import convert
 from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
-from flexarm_ros.scenario.reader import FIELD_OF, find_key, full_name
+from flexarm_ros.scenario.reader import FIELD_OF, find_key, full_name, PACE
 from flexarm_ros.scenario.treeread import as_integer, as_list, as_map, as_number, yaml_text
 
 if TYPE_CHECKING:
@@ -54,6 +54,8 @@ class Parameter:
     def named(cls, name: str) -> Parameter:
         """Return the parameter of a dotted name; ScenarioError if there is none."""
         section, key = find_key(name)
+        if key in PACE:
+            raise ScenarioError(f'{name}: cannot be swept: it changes no number of a run')
         return cls(section, key, specs(SECTIONS[section])[key][1])
 
     @property

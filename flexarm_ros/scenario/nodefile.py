@@ -43,12 +43,9 @@ from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, show, Tree
-from flexarm_ros.scenario.reader import build, MAX_BYTES, PathLike, WHOLE_RUN
+from flexarm_ros.scenario.reader import build, is_of_ros, MAX_BYTES, PathLike, WHOLE_RUN
 
 PARAMETERS = 'ros__parameters'
-OF_ROS = ('qos_overrides.', 'use_sim_time', 'start_type_description')
-"""Parameters that every ROS 2 node has; rclpy reads them itself."""
-
 UNSET = 'null'
 """What `ros2 param dump` writes for a parameter without a value."""
 
@@ -248,7 +245,7 @@ def _pass_over(
 ) -> None:
     """Pass over a key that is not the node's; ScenarioError if it must not stand there."""
     elsewhere = _elsewhere(node, key)
-    if key.startswith(OF_ROS) or (wildcard and elsewhere):
+    if is_of_ros(key) or (wildcard and elsewhere):
         return
     if near or not wildcard or given.file not in shared:
         raise ScenarioError(f'{given.place}: unknown key{elsewhere or near or _LIST}')

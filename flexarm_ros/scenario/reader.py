@@ -23,7 +23,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
+from flexarm_ros.core.parameters import PaceParameters, RunConfig, SECTIONS, Spec, specs
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.convert import convert
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
@@ -38,8 +38,8 @@ Values = dict[tuple[str, str], Tree]
 
 MAX_BYTES = 1024 * 1024
 WHOLE_RUN = '/**'
-ROS_KEYS = ('use_sim_time',)
-"""Keys of every ROS 2 node that a parameter file may hold; they change nothing here."""
+PACE = specs(PaceParameters)
+_OF_ROS = ('qos_overrides.', 'use_sim_time.', 'start_type_description_service.')
 
 FIELD_OF = {section: 'run' if section == WHOLE_RUN else section for section in SECTIONS}
 """Section name -> field of RunConfig."""
@@ -143,6 +143,8 @@ def _values_of(config: RunConfig) -> Values:
         for key, (name, _, _) in specs(SECTIONS[section]).items():
             if getattr(held, name) is not None:
                 values[section, key] = tree_of(getattr(held, name))
+    for key, (name, _, _) in PACE.items():
+        values[WHOLE_RUN, key] = tree_of(getattr(config.pace, name))
     return values
 
 
@@ -197,9 +199,20 @@ def find_key(name: str) -> tuple[str, str]:
     first, dot, rest = name.partition('.')
     first = first if first == WHOLE_RUN else first.lstrip('/')
     section, key = (first, rest) if dot and first in SECTIONS else (WHOLE_RUN, name)
-    if key not in specs(SECTIONS[section]):
+    if key not in known_keys(section):
         raise ScenarioError(f'{clip(name)}: unknown key{nearest(section, key)}')
-    return section, key
+    return _place(section, key)
+
+
+def known_keys(section: str) -> dict[str, tuple[str, Spec, Any]]:
+    """Return the keys that may stand in a section, those of `PaceParameters` included."""
+    own = specs(SECTIONS[section])
+    return {**own, **PACE} if section in (WHOLE_RUN, 'plant') else own
+
+
+def _place(section: str, key: str) -> tuple[str, str]:
+    """Return where a key's value is held: those of `PaceParameters` may stand in two sections."""
+    return (WHOLE_RUN if key in PACE else section), key
 
 
 def full_name(section: str, key: str) -> str:
@@ -210,11 +223,11 @@ def full_name(section: str, key: str) -> str:
 def nearest(section: str, key: str) -> str:
     """Return a hint: the key in another section, or the nearest spelling."""
     last = key.rpartition('.')[2]
-    for other, cls in SECTIONS.items():
+    for other in SECTIONS:
         for candidate in (key, last):
-            if candidate in specs(cls):
+            if candidate in known_keys(other):
                 return f"; did you mean '{full_name(other, candidate)}'?"
-    names = {full_name(s, k): None for s, cls in SECTIONS.items() for k in specs(cls)}
+    names = {full_name(s, k): None for s in SECTIONS for k in known_keys(s)}
     own = suggestion(full_name(section, key), [n for n in names if n.startswith(f'{section}.')])
     return own or suggestion(full_name(section, key), names) or '; the README lists every key'
 
@@ -256,20 +269,32 @@ def _take_section(values: Values, section: str, tree: Tree, prefix: str) -> None
         )
     if not isinstance(tree, Mapping):
         raise ScenarioError(f'{section}: ros__parameters must be a map of keys, not {show(tree)}')
-    known = specs(SECTIONS[section])
+    known = known_keys(section)
     for part, value in tree.entries.items():
         key = prefix + part
         if key in known:
-            if (section, key) in values:
+            if (section, key) in values and key not in PACE:
                 raise ScenarioError(f'{full_name(section, key)}: given twice')
-            values[section, key] = value
+            values[_place(section, key)] = value
         elif isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
             _take_section(values, section, value, key + '.')
-        elif key in ROS_KEYS and isinstance(value, Scalar) and isinstance(value.value, bool):
-            continue
+        elif is_of_ros(key):
+            _check_of_ros(full_name(section, key), value)
         else:
             name = clip(full_name(section, key))
             raise ScenarioError(f'{name}: unknown key{nearest(section, key)}')
+
+
+def is_of_ros(key: str) -> bool:
+    """Whether every ROS 2 node has the parameter: rclpy reads it, and a scenario ignores it."""
+    return f'{key}.'.startswith(_OF_ROS)
+
+
+def _check_of_ros(name: str, value: Tree) -> None:
+    """Raise ScenarioError where one of the switches of a ROS 2 node is neither true nor false."""
+    switch = 'qos_overrides' not in name
+    if switch and not (isinstance(value, Scalar) and isinstance(value.value, bool)):
+        raise ScenarioError(f'{clip(name)}: {show(value)} is not allowed: true or false')
 
 
 def build(
@@ -287,13 +312,19 @@ def build(
             if (section, key) in values:
                 given[name] = convert(full_name(section, key), spec, values[section, key])
         sections[FIELD_OF[section]] = cls(**given)
+    pace = {
+        name: convert(full_name(WHOLE_RUN, key), spec, values[WHOLE_RUN, key])
+        for key, (name, spec, _) in PACE.items()
+        if (WHOLE_RUN, key) in values
+    }
     controller = sections['controller']
     if controller.law == 'open_loop' and torque_base is not None and controller.torque_file:
         torques = read_torques(torque_base / controller.torque_file)
     elif controller.law != 'open_loop':
         torques = ()
-    assert set(sections) | {'torques', 'changes'} == {field.name for field in fields(RunConfig)}
-    config = RunConfig(**sections, torques=torques)
+    rest = {'torques', 'changes', 'pace'}
+    assert set(sections) | rest == {field.name for field in fields(RunConfig)}
+    config = RunConfig(**sections, torques=torques, pace=PaceParameters(**pace))
     if whole:
         check(config)
     return config

@@ -25,7 +25,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from flexarm_ros.core.parameters import SECTIONS, Spec, specs
+from flexarm_ros.core.parameters import PaceParameters, SECTIONS, Spec, specs
 from flexarm_ros.scenario.convert import short
 
 BEGIN, END = '<!-- parameters -->', '<!-- /parameters -->'
@@ -37,7 +37,7 @@ def markdown() -> str:
         '| parameter | meaning | unit | default | allowed | paper |',
         '|---|---|---|---|---|---|',
     ]
-    for section, cls in SECTIONS.items():
+    for section, cls in (*SECTIONS.items(), ('/**', PaceParameters)):
         for key, (_, spec, default) in specs(cls).items():
             live = ' (may change while running)' if spec.live else ''
             cells = (
