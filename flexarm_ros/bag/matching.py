@@ -129,8 +129,9 @@ def match(
             if place.topic != _CHANGES:
                 names[place.topic] = name
     survey = _Survey(files, index, len(topics))
-    topics = topics if config else survey.topics(max(names, default=0))
-    found = Match(topics, survey.timeline(path, config), index, names)
+    timeline = survey.timeline(path, config)
+    topics = topics if config else survey.topics(max(names, default=0), timeline.period_ns)
+    found = Match(topics, timeline, index, names)
     if left:
         found.notes.append(f'other topics are left out: {_listed(sorted(left))}')
     if config:
@@ -207,14 +208,21 @@ class _Survey:
         if topic == STATE:
             self._state = self._state or data
 
-    def topics(self, last: int) -> tuple[Topic, ...]:
+    def topics(self, last: int, period_ns: int) -> tuple[Topic, ...]:
         """Return the topics that the messages show where no scenario tells."""
         names: Sequence[str] = ()
         if self._state:
             with contextlib.suppress(ValueError):
                 names = foreign.message(topics_of(1)[STATE].type_name, self._state).name
         modes = sum(name.startswith(f'{LINKS[0]}_mode') for name in names)
-        return topics_of(modes or 1, max(last - COMMAND, 0))
+        further = max(last - COMMAND, 0)
+        return topics_of(modes or 1, further, clock_every=self._clock_every(period_ns))
+
+    def _clock_every(self, period_ns: int) -> int:
+        """Return the ticks between messages on ``/clock`` where all are equally far apart."""
+        steps = np.unique(np.diff(np.unique(np.array(self.stamps[CLOCK], np.int64))))
+        every, rest = divmod(int(steps[0]), period_ns) if len(steps) == 1 else (1, 0)
+        return 1 if rest else max(every, 1)
 
     def changes(self, path: Path, period_ns: int) -> tuple[Change, ...]:
         """Return the parameters that were set while the run went on."""
@@ -348,14 +356,14 @@ def _say_gaps(found: Match, ticks: dict[int, IntArray], span: tuple[int, int] | 
         seen = np.unique(ticks[topic])
         if UNKNOWN in seen:  # said already
             continue
+        every = found.topics[topic].every
+        due = np.arange(-(-first // every) * every, last + 1, every)
         inside = seen[(seen >= first) & (seen <= last)]
-        missing = last - first + 1 - len(inside)
-        if missing:
-            place = np.flatnonzero(inside != first + np.arange(len(inside)))
-            at = first + (int(place[0]) if len(place) else len(inside))
+        missing = np.setdiff1d(due, inside)
+        if len(missing):
             found.gaps.append(
-                f'{name}: {missing} of {last - first + 1} messages are missing, the first at '
-                f'tick {at}'
+                f'{name}: {len(missing)} of {len(due)} messages are missing, the first at '
+                f'tick {missing[0]}'
             )
 
 

@@ -220,7 +220,7 @@ class BagReader:
         rows: list[Sequence[bytes]] = []
         first = 0
         for tick, held in self.ticks():
-            whole = [data for data in held if data is not None]
+            whole = [data for data in self._filled(tick, held) if data is not None]
             if tick != first + len(rows) or len(whole) < len(held):
                 break
             rows.append(whole)
@@ -229,6 +229,12 @@ class BagReader:
                 first, rows = first + size, []
         if rows:
             yield self._decode(first, rows)
+
+    def _filled(self, tick: int, held: list[bytes | None]) -> Iterator[bytes | None]:
+        """Yield the messages of a tick, with the stamp alone where a topic has none by intent."""
+        for topic, data in zip(self.topics, held, strict=True):
+            due = data is not None or topic.due(tick)
+            yield data if due else topic.codec.encode(self.timeline.stamp_ns(tick))
 
     def _decode(self, first: int, rows: list[Sequence[bytes]]) -> Block:
         try:

@@ -66,7 +66,9 @@ class Nodes:
         if tick >= self._agenda.next:
             self._retune(tick)
         stamp = self._timeline.stamp_ns(tick)
-        found: dict[int, Stamped] = {CLOCK: (stamp, ())}
+        found: dict[int, Stamped] = {}
+        if self._topics[CLOCK].due(tick):
+            found[CLOCK] = (stamp, ())
         found[REFERENCE] = (stamp, self._reference.command(tick))
         state = self._state(tick, before)
         if state is not None:

@@ -15,7 +15,8 @@
 """
 The topics of a run: names, types, quality of service and canonical order.
 
-At every tick each of these topics carries exactly one message.  The order of
+At every tick each of these topics carries exactly one message, ``/clock`` only where
+``/**.clock_rate`` says so.  The order of
 ``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
 the flow of the data: clock, state, measurements and reference, torque.
 """
@@ -28,6 +29,7 @@ from typing import TypeVar
 from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.timeline import clock_ticks
 
 _Values = TypeVar('_Values', tuple[float, ...], FloatArray)
 
@@ -64,13 +66,22 @@ class Topic:
 
     ``name`` is relative (``plant/state``), so that namespaces and remapping
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
-    it.
+    it, at tick 0 and every ``every`` ticks.
     """
 
     name: str
     node: str
     codec: Codec
     qos: Qos = Qos()
+    every: int = 1
+
+    def due(self, tick: int) -> bool:
+        """Whether a message belongs to ``tick``."""
+        return tick % self.every == 0
+
+    def count(self, ticks: int) -> int:
+        """Return the number of messages in the first ``ticks`` ticks."""
+        return -(-ticks // self.every)
 
     @property
     def path(self) -> str:
@@ -100,16 +111,19 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """Return the topics of a run in canonical order."""
     further = len(config.tip_sensor.more_locations or ())
     variance = config.tip_sensor.noise_std * config.tip_sensor.noise_std
-    return topics_of(config.plant.modes, further, variance)
+    return topics_of(config.plant.modes, further, variance, clock_ticks(config.run))
 
 
-def topics_of(modes: int, further: int = 0, variance: float = 0.0) -> tuple[Topic, ...]:
+def topics_of(
+    modes: int, further: int = 0, variance: float = 0.0, clock_every: int = 1
+) -> tuple[Topic, ...]:
     """
     Return the topics of a run in canonical order.
 
     ``modes``: assumed modes a link; ``further``: number of tip sensors at
     ``tip_sensor.more_locations``, whose topics come behind all others;
-    ``variance``: of the tip sensors' position, m^2.
+    ``variance``: of the tip sensors' position, m^2; ``clock_every``: ticks between messages on
+    ``/clock``.
     """
     state = JointStateCodec((*state_names(modes), *LINKS), BASE_FRAME)
     joints = JointStateCodec(JOINTS, BASE_FRAME)
@@ -117,7 +131,7 @@ def topics_of(modes: int, further: int = 0, variance: float = 0.0) -> tuple[Topi
     reference = OdometryCodec(BASE_FRAME, 'reference')
     command = JointStateCodec(JOINTS, BASE_FRAME, ('effort',))
     return (
-        Topic('/clock', 'plant', ClockCodec()),
+        Topic('/clock', 'plant', ClockCodec(), every=clock_every),
         Topic('plant/state', 'plant', state),
         Topic('joint_states', 'encoder', joints),
         Topic('tip_sensor/odometry', 'tip_sensor', tip),

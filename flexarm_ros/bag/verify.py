@@ -180,6 +180,11 @@ class _Run:
         self, tick: int, messages: Sequence[bytes | None], now: Tick, before: Tick | None
     ) -> None:
         expected = self._nodes.expected(tick, now, before)
+        for extra, data in zip(self._topics, messages, strict=True):
+            if data is not None and not extra.due(tick):
+                self._comparison.differs(
+                    Difference(extra.node, tick, extra.path, '', 'a message', 'none')
+                )
         if tick >= self._agenda.next:  # the covariance of a message follows noise_std
             self._agenda.due(tick)
             self._comparison.topics = per_tick_topics(self._nodes.config)
@@ -206,7 +211,8 @@ class _Run:
         missing = []
         for i, data in enumerate(messages):
             self.counts[i] += data is not None
-            if data is None and i in self._reader.names:
+            due = self._topics[i].due(tick)
+            if data is None and due and i in self._reader.names:
                 missing.append(self._topics[i].path)
         if missing:
             self._ragged.append((tick, missing))

@@ -23,7 +23,7 @@ of `flexarm_ros.bag.topics`) whatever order they came in.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import contextlib
 import os
 from pathlib import Path
@@ -123,7 +123,9 @@ class BagWriter:
                     f'{self.topics[topic].path}: message of tick {tick} too late'
                 )
             slots = self._pending[tick] = [None] * self._width
-            self._missing[tick] = self._width
+            self._missing[tick] = sum(topic.due(tick) for topic in self.topics)
+        if not self.topics[topic].due(tick):
+            raise BagContentError(f'{self.topics[topic].path}: no message belongs to tick {tick}')
         if slots[topic] is not None:
             raise BagContentError(f'{self.topics[topic].path}: second message of tick {tick}')
         slots[topic] = data
@@ -137,7 +139,7 @@ class BagWriter:
 
         Equal to as many calls of :meth:`write`, several times as fast.
         """
-        ticks = range(first, first + len(columns[0]))
+        ticks = range(first, first + max(len(column) for column in columns))
         sizes = [topic.codec.size for topic in self.topics]
         same = all(
             len(data) == size
@@ -150,14 +152,35 @@ class BagWriter:
             or first != self._next
             or any(c in ticks for c in self._changes)
         ):
-            for tick, messages in zip(ticks, zip(*columns, strict=True), strict=True):
-                for topic, data in enumerate(messages):
-                    self.write(topic, tick, data)
+            left = [iter(column) for column in columns]
+            for tick in ticks:
+                for topic in self._due(tick):
+                    self.write(topic, tick, next(left[topic]))
             return
-        self._append_rows(self._records(first, [
-            np.frombuffer(b''.join(column), np.uint8).reshape(len(ticks), size)
+        images = [
+            np.frombuffer(b''.join(column), np.uint8).reshape(len(column), size)
             for size, column in zip(sizes, columns, strict=True)
-        ]))  # fmt: skip
+        ]
+        for begin, count, due in self._alike(ticks):
+            start = [topic.count(begin) - topic.count(first) for topic in self.topics]
+            rows = self._records(begin, due, [images[i][start[i] :][:count] for i in due])
+            self._append_rows(rows, due)
+
+    def _due(self, tick: int) -> list[int]:
+        """Return the numbers of the topics that have a message of ``tick``."""
+        return [i for i, topic in enumerate(self.topics) if topic.due(tick)]
+
+    def _alike(self, ticks: range) -> Iterator[tuple[int, int, list[int]]]:
+        """Split ``ticks`` into runs with the same topics: first tick, number, topics."""
+        sparse = [topic for topic in self.topics if topic.every > 1]
+        start = ticks.start
+        while start < ticks.stop:
+            until = min((start // t.every + 1) * t.every for t in sparse) if sparse else ticks.stop
+            if any(t.due(start) for t in sparse):
+                until = start + 1
+            until = min(until, ticks.stop)
+            yield start, until - start, self._due(start)
+            start = until
 
     def write_change(self, change: Change) -> None:
         """Take a parameter that changes at a tick; it stands before that tick's messages."""
@@ -175,21 +198,26 @@ class BagWriter:
         """Take whole ticks, the next ones, as numbers; the same bytes, four times as fast."""
         if block.first != self._next or self._pending:
             raise BagError(f'{self.directory}: ticks from {block.first} where {self._next} is due')
-        self._append_rows(
-            self._records(block.first, [
-                topic.codec.encode_block(block.stamps[i], block.values[i])
-                for i, topic in enumerate(self.topics)
-            ])
-        )  # fmt: skip
+        images = [
+            topic.codec.encode_block(block.stamps[i], block.values[i])
+            for i, topic in enumerate(self.topics)
+        ]
+        for begin, count, due in self._alike(range(block.first, block.first + len(block))):
+            part = slice(begin - block.first, begin - block.first + count)
+            self._append_rows(self._records(begin, due, [images[i][part] for i in due]), due)
 
-    def _append_rows(self, rows: ByteArray) -> None:
-        """Append the records of the next ticks, a tick a row; end each chunk where it is due."""
+    def _append_rows(self, rows: ByteArray, due: Sequence[int]) -> None:
+        """
+        Append the records of the next ticks, a tick a row; end each chunk where it is due.
+
+        ``due``: the topics in a row.
+        """
         done = 0
         while done < len(rows):
             room = self._chunk_ticks - self._next % self._chunk_ticks
             room = min(room, -(-(MAX_CHUNK - self._bytes) // rows.shape[1]))
             part = rows[done:][:room]
-            self._append(part, self._next)
+            self._append(part, self._next, due)
             done += len(part)
             self._next += len(part)
             self.complete_ticks += len(part)
@@ -295,12 +323,16 @@ class BagWriter:
         self._lengths.append(9 + length)
         self._bytes += 9 + length
 
-    def _records(self, first: int, messages: Sequence[ByteArray]) -> ByteArray:
-        """Return the records of whole ticks as rows; ``messages``: a topic's, a tick a row."""
+    def _records(self, first: int, due: Sequence[int], messages: Sequence[ByteArray]) -> ByteArray:
+        """
+        Return the records of whole ticks as rows.
+
+        ``messages``: those of each topic in ``due``, a tick a row.
+        """
         count = len(messages[0])
         ticks = np.arange(first, first + count)
         parts: list[ByteArray] = []
-        for i, data in enumerate(messages):
+        for i, data in zip(due, messages, strict=True):
             head = np.empty(count, RECORD_HEAD)
             head['opcode'] = 5
             head['length'] = MESSAGE_FIXED + data.shape[1]
@@ -311,17 +343,17 @@ class BagWriter:
             parts.append(data)
         return np.concatenate(parts, axis=1)
 
-    def _append(self, rows: ByteArray, first: int) -> None:
-        """Append records of whole ticks to the chunk."""
+    def _append(self, rows: ByteArray, first: int, due: Sequence[int]) -> None:
+        """Append records of whole ticks, with messages of the topics ``due``, to the chunk."""
         count = len(rows)
         stamps = range(
             T0_NS + first * self._period_ns,
             T0_NS + (first + count) * self._period_ns,
             self._period_ns,
         )
-        lengths = [9 + MESSAGE_FIXED + topic.codec.size for topic in self.topics]
+        lengths = [9 + MESSAGE_FIXED + self.topics[i].codec.size for i in due]
         self._parts.append(rows.tobytes())
-        self._channels += list(range(1, self._width + 1)) * count
+        self._channels += [i + 1 for i in due] * count
         self._times += [stamp for stamp in stamps for _ in lengths]
         self._lengths += lengths * count
         self._bytes += rows.size

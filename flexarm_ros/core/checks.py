@@ -22,7 +22,7 @@ from flexarm_ros.core.control.open_loop import check_torques
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.plant import check_substeps
 from flexarm_ros.core.sensors import check_location, ticks_per_sample
-from flexarm_ros.core.timeline import named_ns, Timeline
+from flexarm_ros.core.timeline import clock_ticks, named_ns, Timeline
 from flexarm_ros.core.trajectory import check_reachable, initial_angles
 
 
@@ -40,6 +40,7 @@ def check(config: RunConfig) -> None:
     ):
         named_ns(key, seconds)
     check_location(config)
+    clock_ticks(config.run)
     ticks_per_sample(config.tip_sensor.rate, timeline.period_ns)
     check_reachable(config)
     initial_angles(config)

@@ -77,6 +77,10 @@ class RunParameters:
         'error', 'str', '', 'error: an invalid message ends the run; ignore: count it and go on',
         choices=('error', 'ignore'),
     )  # fmt: skip
+    clock_rate: float | None = _key(
+        None, 'float', 'Hz', 'messages a second on `/clock`, a whole number of ticks apart, the '
+        'first at tick 0; 0 or left out: every tick', low=0.0, high=1e9,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

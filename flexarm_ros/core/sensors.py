@@ -30,7 +30,6 @@ library's logarithm.
 from __future__ import annotations
 
 from decimal import Decimal
-from fractions import Fraction
 import math
 
 from flexarm_ros.core.compiled import compiled, FloatArray
@@ -38,7 +37,7 @@ from flexarm_ros.core.delay import BufferDelay, PadeDelay, Sample4
 from flexarm_ros.core.elementary import log
 from flexarm_ros.core.kinematics import make_point
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
+from flexarm_ros.core.timeline import named_ns, T0_NS, ticks_between, Timeline
 import numpy as np
 
 Measurement = tuple[int, float, float, float, float]
@@ -239,16 +238,7 @@ def ticks_per_sample(rate: float, period_ns: int) -> int:
 
     Raises ``ValueError`` where it is not whole, in exact arithmetic.
     """
-    if rate == 0.0:
-        return 1
-    ticks = NS_PER_S / (Fraction(Decimal(repr(rate))) * period_ns)
-    if ticks.denominator != 1:
-        control = float(Fraction(NS_PER_S, period_ns))
-        raise ValueError(
-            f'tip_sensor.rate: {rate!r} Hz, allowed: 0 or the control rate of {control:g} Hz '
-            'divided by a whole number'
-        )
-    return ticks.numerator
+    return ticks_between('tip_sensor.rate', rate, period_ns)
 
 
 def check_location(config: RunConfig) -> None:

@@ -86,6 +86,30 @@ class Timeline:
         return T0_NS + k * self.period_ns
 
 
+def ticks_between(key: str, rate: float, period_ns: int) -> int:
+    """
+    Return the whole number of ticks between messages at ``rate`` Hz; 1 for 0.
+
+    Raises ``ValueError``, naming ``key``, where it is not whole, in exact arithmetic.
+    """
+    if rate == 0.0:
+        return 1
+    ticks = NS_PER_S / (Fraction(Decimal(repr(rate))) * period_ns)
+    if ticks.denominator != 1:
+        control = float(Fraction(NS_PER_S, period_ns))
+        raise ValueError(
+            f'{key}: {rate!r} Hz, allowed: 0 or the control rate of {control:g} Hz '
+            'divided by a whole number'
+        )
+    return ticks.numerator
+
+
+def clock_ticks(run: RunParameters) -> int:
+    """Return the ticks between messages on ``/clock``; ``ValueError`` as `ticks_between`."""
+    period_ns = named_ns('control_period', run.control_period)
+    return ticks_between('clock_rate', run.clock_rate or 0.0, period_ns)
+
+
 def named_ns(key: str, seconds: float) -> int:
     """Return ``seconds`` in nanoseconds; the ``ValueError`` names ``key``."""
     try:

@@ -101,8 +101,8 @@ class Input:
     One per-tick topic that this node reads, in the order of ticks.
 
     The middleware's queue is the only queue: a message is taken when its tick
-    is due.  ``expect`` gives the stamp that the message of a tick must carry
-    (None: any stamp that is not ahead of the tick).
+    is due.  Where the topic has no message at each tick (`Topic.every`), ``tick`` and the ticks
+    below count its messages; `whole` is in ticks of the run.
     """
 
     def __init__(self, participant: Participant, topic: Topic) -> None:
@@ -145,11 +145,16 @@ class Input:
         self.arrived.clear()
         self._last_stamp = -(2**63)
 
+    @property
+    def whole(self) -> int:
+        """Number of ticks of the run of which every message that is due has come."""
+        return (self.tick + 1) * self.topic.every
+
     def configure(self, topic: Topic, timeline: Timeline) -> None:
         """Take the layout and the stamps of the agreed scenario."""
         self.topic = topic
         self._decode = topic.codec.decode
-        self._first_ns, self._period_ns = timeline.stamp_ns(0), timeline.period_ns
+        self._first_ns, self._period_ns = timeline.stamp_ns(0), topic.every * timeline.period_ns
         self._exact = topic.node not in SENSORS
 
     def drain(self) -> None:
@@ -231,6 +236,7 @@ class Input:
         return True
 
     def _lost(self, tick: int) -> RunFailed:
+        tick *= self.topic.every
         return RunFailed(self.source, f'tick {tick}: a message on {self.topic.name} is lost')
 
     def _mixed(self) -> bool:
@@ -270,7 +276,7 @@ class Input:
         if stamp != due and (self._exact or stamp > due):
             if stamp > due and self._gap and self._unwanted and self._only_publisher():
                 raise self._lost(tick)
-            return f'stamp {stamp} ns where tick {tick} has {due} ns'
+            return f'stamp {stamp} ns where tick {tick * self.topic.every} has {due} ns'
         if self._rising and stamp <= self._last_stamp:
             return f'stamp {stamp} ns again at tick {tick}, or older than the one before'
         if not math.isfinite(sum(values)):

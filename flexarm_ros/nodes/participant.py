@@ -135,7 +135,7 @@ class Participant(Node):
     def waiting_for(self) -> tuple[str, str]:
         """Return the role that has not answered ``self.tick`` and what it owes."""
         for entry in self.inputs.values():
-            if entry.tick < self.tick:
+            if entry.whole <= self.tick:
                 return entry.source, f'no message on {entry.topic.name}'
         return '', ''
 

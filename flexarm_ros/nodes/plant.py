@@ -144,7 +144,8 @@ class PlantNode(Participant):
         plant = self.plant
         d1, d2, rate1, rate2 = plant.deflections()
         self._state.send(stamp, *plant.q.tolist(), d1, d2, *plant.qd.tolist(), rate1, rate2)
-        self._time.send(stamp)
+        if self._time.topic.due(self.tick):
+            self._time.send(stamp)
 
     def _held(self) -> bool:
         """Whether the next tick must wait: for the launcher, the recorder, the wall clock."""

@@ -207,7 +207,7 @@ class PlayerNode(Node):
         previous = self._first - 1 if own else None
         for tick, messages in self._from_start():
             previous = tick - 1 if previous is None else previous
-            if not own:
+            if not own and self.reader.topics[CLOCK].due(tick):
                 messages[CLOCK] = messages[CLOCK] or self._clock_message(tick)
             self._pace.wait((tick - previous) * self.timeline.period_ns * 1e-9)
             if self.stopped():

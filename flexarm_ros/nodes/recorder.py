@@ -115,7 +115,7 @@ class RecorderNode(Participant):
                 # References come ahead of time: none is kept that the run may not reach.
                 until = min(last, state.tick) if entry.source == 'trajectory' else last
                 try:
-                    entry.fetch_block(until, waiting)
+                    entry.fetch_block(until // entry.topic.every, waiting)
                 except RunFailed as error:  # what has come on the others is on record all the same
                     failure = failure or error
             # Whoever changes a parameter tells so before it answers the tick (`live`), so
@@ -129,7 +129,7 @@ class RecorderNode(Participant):
             raise RunFailed('recorder', f'tick {self.tick}: {error}') from None
         if failure is not None:
             raise failure
-        complete = min(entry.tick for entry in self._entries) + 1
+        complete = min(entry.whole for entry in self._entries)
         if complete == self.tick:
             return False
         now = time.monotonic()
@@ -141,18 +141,25 @@ class RecorderNode(Participant):
         return True
 
     def _write_whole_ticks(self, recording: Recording) -> None:
-        count = min(len(waiting) for waiting in self._waiting)
-        if count:
-            recording.write_ticks(self._written, [waiting[:count] for waiting in self._waiting])
-            self._written += count
-            for waiting in self._waiting:
+        topics, written = [entry.topic for entry in self._entries], self._written
+        whole = min(
+            (topic.count(written) + len(waiting)) * topic.every
+            for topic, waiting in zip(topics, self._waiting, strict=True)
+        )
+        if whole > written:
+            counts = [topic.count(whole) - topic.count(written) for topic in topics]
+            columns = list(zip(self._waiting, counts, strict=True))
+            recording.write_ticks(written, [waiting[:count] for waiting, count in columns])
+            self._written = whole
+            for waiting, count in columns:
                 del waiting[:count]
 
     def _write_ragged_end(self, recording: Recording) -> None:
         """Write what there is of ticks that are not whole."""
         for index, waiting in enumerate(self._waiting):
-            for tick, data in enumerate(waiting, self._written):
-                recording.write(index, tick, data)
+            topic = self._entries[index].topic
+            for number, data in enumerate(waiting, topic.count(self._written)):
+                recording.write(index, number * topic.every, data)
             waiting.clear()
 
     def close(self) -> None:
