@@ -113,6 +113,39 @@ def test_any_text_is_a_directory(
     run.nodes.close()
 
 
+@pytest.mark.parametrize(
+    ('given', 'around', 'directory'),
+    [
+        ('', '', 'fls_tip'),
+        ('arm', '', 'arm-fls_tip'),
+        ('arm', '/left', 'left-arm-fls_tip'),
+        ('/arm', '/left', 'arm-fls_tip'),
+        ('', '/left', 'left-fls_tip'),
+    ],
+)
+def test_the_default_directory_bears_the_namespace(
+    given: str, around: str, directory: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = LaunchedRun({**DEFAULTS, 'namespace': given, 'set': 'duration=0.1'}, around)
+    assert run.directory == Path('runs', directory)
+    run.nodes.close()
+
+
+def test_the_pace_of_the_scenario_reaches_the_plant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = 'duration=0.1 real_time_factor=1e-5 step_ticks=3 start_paused=true'
+    for rtf, factor in (('0.0', '1.0e-05'), ('2', '2.0')):
+        run = ready(set=text, rtf=rtf)
+        assert run.ros_arguments('plant')[2:] == [
+            '-p', f'plant:real_time_factor:={factor}', '-p', 'plant:step_ticks:=3',
+            '-p', 'plant:start_paused:=true',
+        ]  # fmt: skip
+        run.nodes.close()
+
+
 def test_a_tilde_is_the_home_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('HOME', str(tmp_path))
     run = ready(out='~/run', set='duration=0.1')

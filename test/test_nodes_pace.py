@@ -140,6 +140,15 @@ def test_a_run_begins_paused(
 
 
 @pytest.mark.nodes
+def test_a_run_that_nobody_attends_begins(file: Path, tmp_path: Path, ros_domain: int) -> None:
+    from flexarm_ros.launcher.run import run_scenario, RunOptions
+
+    config = scenario.load(file)
+    outcome = run_scenario(config, 'paced', tmp_path / 'run', RunOptions(compose=True))
+    assert outcome.stable, outcome.problem
+
+
+@pytest.mark.nodes
 def test_a_run_that_waits_to_begin_is_interrupted(
     file: Path, tmp_path: Path, ros_domain: int, rclpy_node
 ) -> None:

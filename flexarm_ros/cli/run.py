@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
     options = RunOptions(
         compose=args.compose,
         rtf=args.rtf,
+        attended=True,
         namespace=space,
         domain=chosen,
         without=tuple(args.without),

@@ -54,6 +54,7 @@ class RunOptions:
     How to run, apart from what to run.
 
     ``rtf`` holds the run to a multiple of real time (0: as the scenario says);
+    ``attended``: the scenario's ``start_paused`` holds, since somebody can let the run begin;
     ``namespace`` is that of all nodes, as ``/left``, empty for none;
     ``domain`` is None for a free one; ``without`` lists roles that somebody
     else's nodes fill, ``nodes`` those whose command is given: started with the
@@ -62,6 +63,7 @@ class RunOptions:
 
     compose: bool = False
     rtf: float = 0.0
+    attended: bool = False
     namespace: str = ''
     domain: int | None = None
     without: tuple[str, ...] = ()
@@ -109,7 +111,7 @@ def run_scenario(
     with reserved_domain(options.domain) as domain:
         prepare_directory(directory, config, name)
         announce(f'ROS_DOMAIN_ID={domain}')
-        if config.pace.start_paused:
+        if config.pace.start_paused and options.attended:
             go_on = how_to_go_on(f'{options.namespace}/plant')
             announce(f'begins paused; to begin: ROS_DOMAIN_ID={domain} {go_on}')
         commands = _commands(config, name, directory, options, faults)
@@ -159,7 +161,11 @@ def _commands(
     shared = ['--params-file', str(write_resolved(directory, config))]
     if options.namespace:
         shared += ['-r', f'__ns:={options.namespace}']
-    pace = replace(config.pace, real_time_factor=options.rtf or config.pace.real_time_factor)
+    pace = replace(
+        config.pace,
+        real_time_factor=options.rtf or config.pace.real_time_factor,
+        start_paused=config.pace.start_paused and options.attended,
+    )
     own = own_arguments(directory, name, pace, faults.ticks if faults is not None else ())
     roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
     if options.compose:
