@@ -25,7 +25,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.digest import digest_of
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.scenario.axes import Parameter
-from nodetools import Asker, finish, flexarm, ROLES, ROOT, start_node, wait_for
+from nodetools import Asker, finish, flexarm, ROOT, start_node, wait_for
 import pytest
 
 FILE = """
@@ -166,8 +166,8 @@ def test_a_run_that_waits_to_begin_is_interrupted(
 def test_nodes_by_hand_wait_too(file: Path, tmp_path: Path, ros_domain: int, rclpy_node) -> None:
     from std_srvs.srv import SetBool, Trigger
 
-    own = {'recorder': ['-p', f'output:={tmp_path / "run"}']}
-    nodes = [start_node(r, file, '-r', '__ns:=/left', *own.get(r, [])) for r in ROLES]
+    output = f'recorder:output:={tmp_path / "run"}'
+    nodes = [start_node('compose', file, '-r', '__ns:=/left', '-p', output)]
     try:
         asker = Asker(*rclpy_node)
 
@@ -179,5 +179,5 @@ def test_nodes_by_hand_wait_too(file: Path, tmp_path: Path, ros_domain: int, rcl
         assert asker.call(SetBool, '/left/plant/pause', data=False).success
     finally:
         texts = finish(nodes)
-    assert [node.returncode for node in nodes] == [0] * len(nodes), texts
+    assert nodes[0].returncode == 0, texts[0]
     assert 'to begin: ros2 service call /left/plant/pause std_srvs/srv/SetBool' in texts[0]
