@@ -145,20 +145,24 @@ def test_a_peer_that_knew_this_node_is_heeded(joining: Joining) -> None:
     member, board = joining.second.membership, joining.second.board
     plant = joining.peers.boards['plant']
 
-    def told(*heard: str) -> bool:
-        plant.publish(phase=Phase.FAILED, text='start: no disk', blame='recorder',
-                      extra={HEARD: ','.join(heard)})  # fmt: skip
-        wait_for(lambda: board.update() or plant_says() == list(heard), 60, 'the plant is heard')
-        return True
+    def told(text: str, *heard: str, **extra: str) -> None:
+        extra[HEARD] = ','.join(heard)
+        plant.publish(phase=Phase.FAILED, text=text, blame='recorder', extra=extra)
+        wait_for(lambda: board.update() or plant_says() == (text, extra), 60, 'it is heard')
 
-    def plant_says() -> list[str]:
+    def plant_says() -> tuple[str, dict[str, str]]:
         (status,) = [s for s in board.others.values() if s.role == 'plant']
-        return [text for text in status.extra.get(HEARD, '').split(',') if text]
+        return status.text, status.extra
 
-    assert told('somebody')
-    assert not member.join(0.0)  # of an attempt before this node came
+    me = board.mine.identity
+    told('start: no disk', 'somebody')  # of an attempt before this node came
+    assert not member.join(0.0)
     assert board.mine.text == 'no plant has joined'
-    assert told('somebody', board.mine.identity)
+    told('interrupted at tick 0', me)
+    assert not member.join(0.0)
+    told('tick 7: no disk', me, plant='1')  # of a run that this node comes too late for
+    assert not member.join(0.0)
+    told('start: no disk', 'somebody', me)
     with pytest.raises(RunFailed, match='start: no disk') as caught:
         member.join(0.1)
     assert (caught.value.blame, caught.value.told_by) == ('recorder', 'plant')

@@ -30,6 +30,7 @@ from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo, UNKNOWN_N
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
 from flexarm_ros.nodes.status import Board, heard_by, Phase, Status, TOPIC, TYPE
+from flexarm_ros.nodes.supervisor import interrupted
 from rclpy.publisher import Publisher
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ _NAMELESS_S = 1.0
 _STRANGERS_S = 0.1
 """Seconds for which a look at the graph for publishers outside the run holds."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
+AT_START = 'start: '
+"""Beginning of the reason of a start that has failed."""
 _BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 
 
@@ -159,12 +162,15 @@ class Membership:
 
     def _heed_failures(self) -> None:
         """
-        Leave with a peer's reason where it has failed after it had heard of this node.
+        Leave with a peer's reason where its start has failed after it had heard of this node.
 
-        A failure before that belongs to another attempt to start.
+        A failure before that belongs to another attempt to start, and a peer that the user
+        has interrupted may come again.
         """
         for other in self._board.others.values():
-            if other.phase is Phase.FAILED and self._board.mine.identity in heard_by(other):
+            starting = not plant_of(other) or other.text.startswith(AT_START)
+            told = self._board.mine.identity in heard_by(other)
+            if other.phase is Phase.FAILED and starting and told and not interrupted(other.text):
                 role = other.role if other.role in ROLES else ''
                 raise RunFailed(other.blame or role, other.text, told_by=role)
 

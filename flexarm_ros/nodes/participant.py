@@ -33,7 +33,7 @@ from flexarm_ros.nodes.own_parameters import OWN
 from flexarm_ros.nodes.parameters import declare_and_load, declare_own
 from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.status import Board, Phase
-from flexarm_ros.nodes.supervisor import INTERRUPTED, Supervisor
+from flexarm_ros.nodes.supervisor import INTERRUPTED, LAUNCHER_GONE, Supervisor
 from rclpy.duration import Duration
 from rclpy.node import Node
 
@@ -415,7 +415,7 @@ class Participant(Node):
 
     def interrupt(self) -> None:
         """Leave because the user or the launcher said so."""
-        reason = 'launcher gone' if self.supervisor.gone else INTERRUPTED
+        reason = LAUNCHER_GONE if self.supervisor.gone else INTERRUPTED
         self.fail(RunFailed(self.ROLE, f'{reason} at tick {self.tick}'))
 
     def fail(self, failure: RunFailed) -> None:

@@ -32,8 +32,13 @@ from typing import Any
 
 REPORT_FD = 'FLEXARM_REPORT_FD'
 ALIVE_FD = 'FLEXARM_ALIVE_FD'
-INTERRUPTED = 'interrupted'
+INTERRUPTED, LAUNCHER_GONE = 'interrupted', 'launcher gone'
 _PATIENCE_S = 1.0
+
+
+def interrupted(reason: str) -> bool:
+    """Whether a node that gives this ``reason`` was told to leave."""
+    return reason.startswith((INTERRUPTED, LAUNCHER_GONE))
 
 
 class Supervisor:
