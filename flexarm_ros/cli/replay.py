@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
         'start': repr(args.start),
         'loop': str(args.loop).lower(),
         'paused': str(args.paused).lower(),
-        'duration': repr(args.duration),
+        'playback_duration': repr(args.duration),
         'topics': json.dumps(','.join(args.topics)),
         'exclude': json.dumps(','.join(args.exclude)),
         'without': f"'{args.without}'",

@@ -83,7 +83,8 @@ OWN = {
         'paused': Own(
             False, 'wait for the service ~/resume or ~/play_next before the first tick'
         ),
-        'duration': Own(
+        # Not "duration": a scenario has that under /**, which holds for the player too.
+        'playback_duration': Own(
             -1.0, 'simulated time to play from start on; below 0: to the end', 's', low=-FASTEST,
             high=FASTEST,
         ),

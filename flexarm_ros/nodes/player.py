@@ -115,10 +115,10 @@ class PlayerNode(Node):
         return first
 
     def _last_tick(self) -> int:
-        """Return the last tick to play: the last that is not after ``start + duration``."""
-        if self.options.duration < 0.0:
+        """Return the last tick that is not after ``start + playback_duration``."""
+        if self.options.playback_duration < 0.0:
             return self.timeline.ticks - 1
-        end = round(self.options.start * 1e9) + round(self.options.duration * 1e9)
+        end = round(self.options.start * 1e9) + round(self.options.playback_duration * 1e9)
         return max(self._first, end // self.timeline.period_ns)
 
     def _choose_topics(self) -> set[int]:

@@ -39,7 +39,7 @@ class PlayerOptions:
     start: float
     loop: bool
     paused: bool
-    duration: float
+    playback_duration: float
     topics: tuple[str, ...]
     exclude: tuple[str, ...]
     without: str
