@@ -94,17 +94,20 @@ def test_an_endpoint_that_cannot_connect_is_named(
     assert f'flexarm run: controller: start: {SAID[kind]}\n' in done.stderr
 
 
-def test_a_replay_names_a_controller_that_cannot_connect(tmp_path: Path, ros_domain: int) -> None:
+@pytest.mark.parametrize('kind', ['reliability', 'durability'])
+def test_a_replay_names_a_controller_that_cannot_connect(
+    kind: str, tmp_path: Path, ros_domain: int
+) -> None:
     out = tmp_path / 'run'
     flexarm('simulate', 'pd_tip', '--set', 'duration=0.1', '--no-pictures', '--out', out)
-    controller = subprocess.Popen(shlex.split(external(tmp_path, 'reliability')))
+    controller = subprocess.Popen(shlex.split(external(tmp_path, kind)))
     try:
         done = flexarm('replay', out, '--without', 'controller', timeout=50.0)
     finally:
         controller.kill()
         controller.wait()
     assert done.returncode == 1
-    assert SAID['reliability'] in done.stderr
+    assert f'player: after 0 ticks: {SAID[kind]}\n' in done.stderr
 
 
 def test_a_listener_that_hears_nothing_stops_no_run(

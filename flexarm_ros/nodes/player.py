@@ -32,7 +32,7 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.topics import CLOCK, COMMAND
+from flexarm_ros.bag.topics import CLOCK, COMMAND, Topic
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.nodes.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class, qos_profile
@@ -103,6 +103,11 @@ class PlayerNode(Node):
     def stopped(self) -> bool:
         """Whether the replay is to end."""
         return bool(self.stop_signal) or not self.context.ok()
+
+    def outlets(self) -> Iterator[tuple[Topic, Any]]:
+        """Yield each topic that is played, and its publisher."""
+        for index, publisher in self._outlets.items():
+            yield self.reader.topics[index], publisher
 
     def _first_tick(self) -> int:
         """Return the first tick to play: the first that is not before ``start``."""

@@ -23,11 +23,12 @@ from typing import TYPE_CHECKING
 from flexarm_ros.bag.topics import COMMAND, per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.nodes.agreement import dump_sections
-from flexarm_ros.nodes.compatibility import publisher_fault
+from flexarm_ros.nodes.compatibility import publisher_fault, subscriber_faults
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.graph import message_class, qos_profile, ROLES
 from flexarm_ros.nodes.identity import UNKNOWN_NODE
 from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.middleware import source_of
 from flexarm_ros.nodes.status import Board, Phase
 
 if TYPE_CHECKING:
@@ -74,10 +75,7 @@ class ControllerSeat:
             if any(s.phase in (Phase.READY, Phase.RUNNING) for s in held):
                 break
             publishers = self._subscription.handle.get_publisher_count()
-            fault = publisher_fault(
-                self._player, self._topic.name, self._topic.type_name,
-                self._subscription.qos_profile,
-            )  # fmt: skip
+            fault = self._fault()
             if fault and UNKNOWN_NODE not in fault:
                 raise RunFailed('controller', fault)
             seen = (seen or time.monotonic()) if publishers and not held else 0.0
@@ -87,6 +85,24 @@ class ControllerSeat:
         else:
             raise RunFailed('controller', 'no controller joined within 60 s')
         board.publish(phase=Phase.RUNNING)
+
+    def _fault(self) -> str:
+        """Return why the controller and the player can never be connected, empty if they can."""
+        player, topic = self._player, self._topic
+        fault = publisher_fault(
+            player, topic.name, topic.type_name, self._subscription.qos_profile
+        )
+        name = player.resolve_topic_name(topic.name)
+        senders = {source_of(e) for e in player.get_publishers_info_by_topic(name)}
+        deaf = (
+            found
+            for topic, publisher in player.outlets()
+            for e, found in subscriber_faults(
+                player, topic.name, topic.type_name, publisher.qos_profile
+            )
+            if source_of(e) in senders
+        )
+        return fault or next(deaf, '')
 
     def answer(self, tick: int, recorded: bytes | None) -> None:
         """Wait for the torque of ``tick`` and compare it with the recorded one."""
