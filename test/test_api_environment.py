@@ -96,3 +96,16 @@ def test_the_seed_draws_the_noise_and_options_change_the_arm() -> None:
         start(7, plant={'payload_mass': -1.0})
     with pytest.raises(ValueError, match='hold: 0 ticks'):
         fa.FlexArmEnv(hold=0)
+
+
+def test_an_arm_past_its_limit_of_deflection_ends_the_episode() -> None:
+    """It pays the limit for every step that is left."""
+    env = fa.FlexArmEnv('fls_tip', duration=0.2, plant={'deflection_limit': [0.01, 0.02]})
+    env.reset(seed=0)
+    terminated = False
+    while not terminated:
+        _, reward, terminated, truncated, info = env.step(np.array([0.5, 0.0]))
+        assert not truncated
+    assert reward == -0.02 * (1 + (200 - info['tick']) // 10)
+    assert info['unstable'].startswith('deflection of link')
+    assert info['unstable'].endswith('m, limit 0.01 m') or 'limit 0.02 m' in info['unstable']

@@ -18,15 +18,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+from typing import Any
 
 from flexarm_ros.core.beam import clamped_free_root
 from flexarm_ros.core.linear import solve_symmetric
 from flexarm_ros.core.parameters import PlantParameters, RunConfig, RunParameters
 from flexarm_ros.core.plant import (
-    DEFLECTION_LIMIT,
     highest_frequency,
     instability,
     make_plant,
+    Plant,
     STABLE_PHASE,
 )
 from flexarm_ros.core.plant_eq14 import Eq14Matrices
@@ -244,12 +245,31 @@ def test_too_few_substeps_are_refused_and_enough_are_stable() -> None:
 def test_instability_names_the_quantity() -> None:
     arm = make_plant(RunConfig())
     assert instability(arm) is None
-    arm.set_state([0.0, 0.0, 0.0, DEFLECTION_LIMIT / 0.2 + 0.1], np.zeros(4))
-    assert 'link2' in (instability(arm) or '')
+    arm.set_state([0.0, 0.0, 0.0, 26.0], np.zeros(4))
+    assert instability(arm) == f'deflection of link2: {arm.deflections()[1]:.6g} m, limit 5 m'
     arm.set_state([0.0, 0.0, 0.0, 0.0], [0.0, math.nan, 0.0, 0.0])
     assert instability(arm) == 'rate of elbow: nan'
     arm.set_state([math.inf, 0.0, 0.0, 0.0], np.zeros(4))
     assert instability(arm) == 'shoulder: inf'
+
+
+@pytest.mark.parametrize('model', ['eq14', 'full'])
+def test_the_limit_of_deflection_scales_with_the_link_or_is_given(model: str) -> None:
+    def arm(**plant: Any) -> Plant:
+        return make_plant(RunConfig(plant=PlantParameters(model=model, **plant)))
+
+    assert arm().limits == (5.0, 5.0)  # exactly: the shipped cases end where they did
+    assert arm(length=(0.5, 9.0)).limits == (5.0 / 9.0, 10.0)
+    given = arm(deflection_limit=(0.01, 0.2))
+    given.set_state([0.0, 0.0, 1.0, 1.0], np.zeros(4))
+    unit1, unit2 = given.deflections()[:2]
+    for end1, end2, told in (
+        (-0.009, 0.19, None),
+        (-0.011, 0.0, 'deflection of link1: -0.011 m, limit 0.01 m'),
+        (0.0, 0.21, 'deflection of link2: 0.21 m, limit 0.2 m'),
+    ):
+        given.set_state([0.0, 0.0, end1 / unit1, end2 / unit2], np.zeros(4))
+        assert instability(given) == told
 
 
 @pytest.mark.parametrize('size', [1, 2, 4, 14])

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+import re
 
 from flexarm_ros.core.checks import check
 from flexarm_ros.core.loop import ClosedLoop, TickRecord
@@ -129,6 +130,24 @@ def test_without_hubs_1_khz_diverges_within_ten_steps(law: str) -> None:
     # Diverging within ten steps; it takes some more to bend a link by 5 m.
     assert loop.unstable_tick is not None
     assert loop.unstable_tick < 50
+
+
+def test_a_short_arm_is_unstable_at_a_deflection_of_its_own_size() -> None:
+    """A link of 0.5 m that bends by 1.59 m counted as stable: the limit was 5 m for every arm."""
+    config = case('pd', 'delayed', duration=1.0)
+    short = replace(
+        config,
+        plant=PlantParameters(
+            length=(0.5, 0.5), flexural_rigidity=(2.0, 2.0), hub_inertia=(0.1, 0.1)
+        ),
+        tip_sensor=TipSensorParameters(location=1.0, measurand='elastic', latency=0.02),
+        trajectory=TrajectoryParameters(side=1.4),
+    )
+    loop, rows, _ = fly(short)
+    assert re.fullmatch(r'deflection of link[12]: \S+ m, limit 0.555556 m', loop.unstable or '')
+    assert max(abs(d) for row in rows for d in row[5:7]) <= 5.0 / 9.0
+    wide = replace(short, plant=replace(short.plant, deflection_limit=(5.0, 5.0)))
+    assert fly(wide)[0].unstable_tick != loop.unstable_tick
 
 
 @pytest.mark.slow

@@ -22,7 +22,6 @@ import re
 from flexarm_ros import scenario
 from flexarm_ros.core.loop import ClosedLoop
 from flexarm_ros.core.parameters import SECTIONS, specs
-from flexarm_ros.core.plant import DEFLECTION_LIMIT
 from flexarm_ros.scenario import ScenarioError
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -44,7 +43,8 @@ def fly(*overrides: str, ticks: int = TICKS) -> ClosedLoop:
     loop = ClosedLoop(config)
     while (record := loop.tick()) is not None:
         assert all(math.isfinite(v) for v in (*record.q, *record.qd, *record.deflections))
-        assert all(abs(d) <= DEFLECTION_LIMIT for d in record.deflections[:2])
+        ends = record.deflections[:2]
+        assert all(abs(d) <= most for d, most in zip(ends, loop.plant.limits, strict=True))
     return loop
 
 

@@ -203,6 +203,10 @@ WRONG = {
         params('plant', '{substeps: 1, flexural_rigidity: [1e9, 1e9]}'),
         ['plant.substeps', '1 is too few', 'or more'],
     ),
+    'no deflection': (
+        params('plant', 'deflection_limit: [0.0, 1.0]'),
+        ['plant.deflection_limit[0]', '0.0', 'above 0'],
+    ),
     'no substeps': (
         params('plant', 'mass_density: [1e-300, 1e-300]'),
         ['plant.substeps', 'left out', '100000'],

@@ -57,6 +57,7 @@ def test_what_is_left_out_is_resolved_as_it_is_taken() -> None:
     assert found['plant']['substeps'] == loop.plant.substeps > 1
     assert found['plant']['initial_position'] == loop.plant.q[:2].tolist()
     assert found['plant']['initial_velocity'] == [0.0, 0.0]
+    assert found['plant']['deflection_limit'] == [5.0, 5.0]
     assert scenario.from_dict(found).plant.substeps == loop.plant.substeps
     hold = scenario.resolved(scenario.load('fls_tip', ['trajectory.kind=hold']))
     assert hold['trajectory']['hold_position'] == [-6.3, -6.3]

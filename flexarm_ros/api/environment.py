@@ -23,7 +23,7 @@ from flexarm_ros.api.simulation import configure, Scenario
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.kinematics import rigid_point
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.plant import DEFLECTION_LIMIT, instability, make_plant
+from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.core.sensors import Encoder, TipSensor
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference
@@ -49,8 +49,8 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
     Action, shape ``(2,)``, from -1 to 1: tau1 and tau2 as parts of ``torque`` N m, held for
     ``hold`` ticks.  Reward: minus the mean distance, m, of the end effector (kinematics of the
     joint angles, as ``rms_error``) from the reference over those ticks.  An arm that becomes
-    unstable ends the episode (terminated), and pays 5 m for every step that is left; the
-    scenario's duration truncates it.
+    unstable ends the episode (terminated), and pays the larger ``plant.deflection_limit`` (5 m for
+    the paper's arm) for every step that is left; the scenario's duration truncates it.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
             return self._observe(), -float(np.mean(errors)), False, truncated, self._info()
         left = 1 + (self._ticks - self._k) // self._hold
         info = {**self._info(), 'unstable': unstable}
-        return self._observe(), -DEFLECTION_LIMIT * left, True, False, info
+        return self._observe(), -max(self._plant.limits) * left, True, False, info
 
     def _measure(self) -> None:
         """Let the sensors answer this tick, as they must once a tick."""

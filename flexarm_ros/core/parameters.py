@@ -130,6 +130,11 @@ class PlantParameters:
         None, 'int', '', 'integrator steps a tick; left out: from the highest frequency',
         low=1, high=100000,
     )  # fmt: skip
+    deflection_limit: tuple[float, float] | None = _key(
+        None, 'float2', 'm', 'end deflection of each link beyond which the run is unstable; left '
+        'out: 10/9 of the length of each link',
+        low=0.0, low_open=True, high=1e5, paper='5',
+    )  # fmt: skip
     initial_position: tuple[float, float] | None = _key(
         None, 'float2', 'rad', 'joint angles at the start; left out: on the reference',
         low=-1e4, high=1e4,

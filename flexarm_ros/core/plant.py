@@ -27,9 +27,6 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
 import numpy as np
 
-DEFLECTION_LIMIT = 5.0
-"""End deflection, m, beyond which a run is unstable: the universe of the FLS."""
-
 ACCURATE_PHASE = 0.2
 """Default phase of the highest mode in one integrator step, rad.
 
@@ -53,12 +50,14 @@ class Plant(Protocol):
     ``q`` and ``qd``, shape ``(2 + 2 modes,)``, are in the order of ``names``:
     theta1, theta2 (rad), then the modal coordinates of link 1 and of link 2.
     They are views: :meth:`step` and :meth:`set_state` change them in place.
+    ``limits``: largest end deflection of each link, m; see :func:`instability`.
     """
 
     names: tuple[str, ...]
     q: FloatArray
     qd: FloatArray
     substeps: int
+    limits: tuple[float, float]
 
     def step(self, tau1: float, tau2: float) -> None:
         """Advance by one tick with the joint torques, N m, held."""
@@ -76,6 +75,18 @@ def coordinate_names(modes: int) -> tuple[str, ...]:
     return ('shoulder', 'elbow', *modal)
 
 
+def deflection_limits(plant: PlantParameters) -> tuple[float, float]:
+    """
+    Return the end deflection of each link, m, beyond which a run is unstable.
+
+    ``plant.deflection_limit``, or 10/9 of each length: 5 m for the paper's links of 4.5 m.
+    """
+    if plant.deflection_limit is not None:
+        return plant.deflection_limit
+    length1, length2 = plant.length
+    return 10.0 * length1 / 9.0, 10.0 * length2 / 9.0  # 5 exactly for 4.5, as 10 / 9 * 4.5 is not
+
+
 class Eq14Plant:
     """The arm of (14); see :mod:`flexarm_ros.core.plant_eq14` and :class:`Plant`."""
 
@@ -83,6 +94,7 @@ class Eq14Plant:
         matrices = Eq14Matrices(config.plant)
         period = Timeline.of(config.run).period
         self.names = coordinate_names(config.plant.modes)
+        self.limits = deflection_limits(config.plant)
         self.substeps = choose_substeps(config.plant, period, matrices.highest_rate())
         self._step = period / self.substeps
         size = len(self.names)
@@ -173,11 +185,10 @@ def instability(plant: Plant) -> str | None:
     """
     Return what is unstable about the plant's state, or ``None``.
 
-    That is a state that is not finite, or a deflection beyond
-    :data:`DEFLECTION_LIMIT`.
+    That is a state that is not finite, or a deflection beyond ``plant.limits``.
     """
-    ends = plant.deflections()
-    inside = abs(ends[0]) <= DEFLECTION_LIMIT and abs(ends[1]) <= DEFLECTION_LIMIT
+    ends, limits = plant.deflections(), plant.limits
+    inside = abs(ends[0]) <= limits[0] and abs(ends[1]) <= limits[1]
     if inside and all_finite(plant.q, plant.qd):
         return None
     for name, value in zip(plant.names, plant.q, strict=True):
@@ -186,8 +197,8 @@ def instability(plant: Plant) -> str | None:
     for name, value in zip(plant.names, plant.qd, strict=True):
         if not math.isfinite(value):
             return f'rate of {name}: {value}'
-    link = 0 if not abs(ends[0]) <= DEFLECTION_LIMIT else 1
-    return f'deflection of link{link + 1}: {ends[link]:.6g} m'
+    link = 0 if not abs(ends[0]) <= limits[0] else 1
+    return f'deflection of link{link + 1}: {ends[link]:.6g} m, limit {limits[link]:.6g} m'
 
 
 @compiled

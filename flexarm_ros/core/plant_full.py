@@ -21,7 +21,7 @@ import math
 
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant import choose_substeps, coordinate_names
+from flexarm_ros.core.plant import choose_substeps, coordinate_names, deflection_limits
 from flexarm_ros.core.plant_full_dynamics import (
     end_deflections,
     energy,
@@ -62,6 +62,7 @@ class FullPlant:
     def __init__(self, config: RunConfig) -> None:
         period = Timeline.of(config.run).period
         self.names = coordinate_names(config.plant.modes)
+        self.limits = deflection_limits(config.plant)
         self.constants = make_constants(config.plant)
         self.substeps = _substeps(config, period)
         self._step = period / self.substeps

@@ -61,16 +61,17 @@ def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
     """
     Return ``to_dict`` with what was left out as it is then taken.
 
-    Integrator steps a tick, the pose and rates at the start and the held point are filled in;
-    what stays ``None`` has no meaning in this scenario.
+    Integrator steps a tick, limits of deflection, pose and rates at the start and the held point
+    are filled in; what stays ``None`` has no meaning in this scenario.
     """
-    from flexarm_ros.core.plant import choose_substeps, highest_frequency
+    from flexarm_ros.core.plant import choose_substeps, deflection_limits, highest_frequency
     from flexarm_ros.core.trajectory import initial_angles, make_path
 
     data = to_dict(config)
     plant, trajectory = data['plant'], data['trajectory']
     highest = highest_frequency(config)
     plant['substeps'] = choose_substeps(config.plant, config.run.control_period, highest)
+    plant['deflection_limit'] = list(deflection_limits(config.plant))
     plant['initial_position'] = [float(angle) for angle in initial_angles(config)]
     plant['initial_velocity'] = list(config.plant.initial_velocity or (0.0, 0.0))
     if trajectory['kind'] == 'hold':
