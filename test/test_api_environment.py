@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import inspect
 from pathlib import Path
+import re
 
 import flexarm_ros as fa
 import numpy as np
@@ -94,7 +95,7 @@ def test_the_seed_draws_the_noise_and_options_change_the_arm() -> None:
     assert shorter[0] != first[0] and start(7) == first
     with pytest.raises(fa.ScenarioError, match='plant.payload_mass'):
         start(7, plant={'payload_mass': -1.0})
-    with pytest.raises(ValueError, match='hold: 0 ticks'):
+    with pytest.raises(ValueError, match='hold: 0, allowed'):
         fa.FlexArmEnv(hold=0)
 
 
@@ -109,3 +110,33 @@ def test_an_arm_past_its_limit_of_deflection_ends_the_episode() -> None:
     assert reward == -0.02 * (1 + (200 - info['tick']) // 10)
     assert info['unstable'].startswith('deflection of link')
     assert info['unstable'].endswith('m, limit 0.01 m') or 'limit 0.02 m' in info['unstable']
+
+
+@pytest.mark.parametrize(
+    ('argument', 'value', 'allowed'),
+    [
+        ('hold', 0, 'a whole number, at least 1 ticks'),
+        ('hold', 1.5, 'a whole number, at least 1 ticks'),
+        ('hold', float('nan'), 'a whole number, at least 1 ticks'),
+        ('torque', float('nan'), 'a number, above 0 and at most 1000000000 N m'),
+        ('torque', float('inf'), 'a number, above 0 and at most 1000000000 N m'),
+        ('torque', 0, 'a number, above 0 and at most 1000000000 N m'),
+        ('torque', '5', 'a number, above 0 and at most 1000000000 N m'),
+    ],
+)
+def test_numbers_are_checked(argument: str, value: object, allowed: str) -> None:
+    with pytest.raises(ValueError, match=f'^{argument}: {re.escape(repr(value))}, allowed: '):
+        fa.FlexArmEnv('fls_tip', **{argument: value})
+    with pytest.raises(ValueError, match=f'{allowed}$'):
+        fa.FlexArmEnv('fls_tip', **{argument: value})
+
+
+@pytest.mark.parametrize('action', [[np.nan, 0.0], [0.0, np.inf], [1.0], [[0.0, 0.0]], 'ab'])
+def test_an_action_is_two_finite_numbers(action: object) -> None:
+    """It ended the episode as an unstable arm, "shoulder: nan"."""
+    env = fa.FlexArmEnv('fls_tip', duration=0.1)
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    with pytest.raises(ValueError, match=r'^action at tick 10: .*, allowed: two finite numbers'):
+        env.step(np.array(action))
+    assert env.step(np.zeros(2))[4] == {'tick': 20}

@@ -51,9 +51,10 @@ def test_arm_and_law_close_to_the_loop_of_the_stability_analysis(
 
 @pytest.mark.parametrize('function', [fa.linearize, fa.linear_law])
 @pytest.mark.parametrize('angle', ['theta1', 'theta2'])
-@pytest.mark.parametrize('value', [float('nan'), float('inf')])
-def test_a_pose_is_finite(function: Callable[..., object], angle: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f'^{angle}: {value}: not a finite angle$'):
+@pytest.mark.parametrize('value', [float('nan'), float('inf'), -1e5, 'a', True])
+def test_a_pose_is_in_range(function: Callable[..., object], angle: str, value: object) -> None:
+    allowed = 'allowed: a number, at least -10000 and at most 10000 rad'
+    with pytest.raises(ValueError, match=f'^{angle}: {value!r}, {allowed}$'):
         function('fls_tip', **{angle: value})
 
 

@@ -187,8 +187,13 @@ def test_torques_are_flown_open_loop() -> None:
         ({'duration': 0.0005}, 'duration: 0.0005 s is not a whole number of ticks'),
         ({'plant': 3}, 'plant: 3 is not a map of keys'),
         ({'run': {'nonsense': 1}}, 'nonsense: unknown key'),
-        ({'torques': [1.0, 2.0]}, r'torques: an array of shape \(2,\)'),
-        ({'torques': [(0.0, 1.0)]}, 'torques: row 0'),
+        (
+            {'torques': [1.0, 2.0]},
+            r'torques: \[1.0, 2.0\], allowed: rows t, tau1, tau2 .*\(n, 3\)',
+        ),
+        ({'torques': []}, r'torques: \[\], allowed: rows t, tau1, tau2'),
+        ({'torques': [(0.0, float('nan'), 1.0)]}, r'torques: .*nan.*, allowed: .* finite numbers'),
+        ({'torques': [(0.0, 1.0)]}, r'torques: \[\(0.0, 1.0\)\], allowed: rows'),
     ],
 )
 def test_bad_values_are_named(changes: dict[str, object], text: str) -> None:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from pathlib import Path
 import signal
 import subprocess
@@ -150,7 +151,15 @@ def test_list_laws_prints_one_a_line(capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.parametrize(
-    ('value', 'text'), [([None] * 70, '-'), ([0.5, None], '0.5 -'), ([], ''), (None, '-')]
+    ('value', 'text'),
+    [
+        ([None] * 70, '-'),
+        ([0.5, None], '0.5 -'),
+        ([0.5, None, 2] + [None] * 69, '0.5 - 2 -'),
+        ([0, 1.5], '0 1.5'),
+        ([], ''),
+        (None, '-'),
+    ],
 )
 def test_what_is_not_known_is_one_dash(value: object, text: str) -> None:
     from flexarm_ros.cli.output import format_metric
@@ -186,3 +195,34 @@ def test_progress_in_a_pipe_is_plain_lines(capsys: pytest.CaptureFixture[str]) -
     assert first.startswith('fls_tip: 8.00 of 16 s simulated, ')
     assert first.endswith('s left')
     assert second == 'done'
+
+
+@pytest.mark.parametrize('tick', [7, 19], ids=['on the way', 'in the last tick'])
+def test_a_law_without_a_finite_torque_is_named_with_its_tick(
+    tick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It read "unstable: shoulder: nan", or in the last tick "stable"."""
+    import flexarm_ros as fa
+    from flexarm_ros.analysis.sweep_worker import fly
+    from flexarm_ros.bag.verify import verify
+    from flexarm_ros.core.control import Law, LAWS, Sample
+
+    class Broken(Law):
+        def torque(self, k: int, sample: Sample) -> tuple[float, float]:
+            return 1.0, math.nan if k == tick else 2.0
+
+    monkeypatch.setitem(LAWS, 'pd', Broken)
+    said = f'unstable: controller (pd): tick {tick}: torque at the elbow is nan N m'
+    words = ['simulate', 'pd_collocated', '--set', 'duration=0.02', '--no-pictures', '--out']
+    assert cli.main([*words, str(tmp_path / 'bag')]) == 1
+    assert cli.main([*words, str(tmp_path / 'none'), '--no-bag']) == 1
+    assert capsys.readouterr().out.count(said.replace('unstable', 'UNSTABLE')) == 2
+    config = fa.configure('pd_collocated', duration=0.02)
+    found = [json.loads((tmp_path / d / 'summary.json').read_text()) for d in ('bag', 'none')]
+    found.append(dict(fa.simulate(config).summary))
+    for summary in found:
+        assert (summary['stable'], summary['problem']) == (False, said)
+        assert (summary['ticks'], summary['unstable_tick']) == (tick + 1, tick + 1)
+    row = fly(config)
+    assert (row['outcome'], f'unstable: {row["error"]}') == ('unstable', said)
+    assert verify(tmp_path / 'bag').same

@@ -19,7 +19,13 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.beam import ClampedFreeModes
-from flexarm_ros.core.kinematics import inverse_kinematics, jacobian, make_point
+from flexarm_ros.core.kinematics import (
+    inverse_kinematics,
+    jacobian,
+    make_point,
+    rigid_point,
+    round_off,
+)
 from flexarm_ros.core.parameters import PlantParameters
 from hypothesis import given
 from hypothesis import strategies as st
@@ -97,3 +103,19 @@ def test_jacobian_maps_joint_rates_to_velocities(th1: float, th2: float, locatio
     point = make_point(PlantParameters(), location, False)
     _, _, vx, vy = point(np.array([th1, th2]), np.array([0.3, -1.2]))
     assert (j11 * 0.3 - j12 * 1.2, j21 * 0.3 - j22 * 1.2) == pytest.approx((vx, vy), abs=1e-12)
+
+
+@given(lengths, st.booleans(), st.floats(0.0, 17.0), st.booleans(), angle)
+def test_the_way_there_and_back_is_within_round_off(
+    arm, equal: bool, near: float, inner: bool, direction: float
+) -> None:
+    """Also where the arm is stretched, or folded with its tip at the shoulder."""
+    arm = (arm[0], arm[0]) if equal else arm
+    low, high = abs(arm[0] - arm[1]), sum(arm)
+    part = (high - low) * 10.0**-near
+    radius = low + part if inner else high - part
+    x, y = radius * math.cos(direction), radius * math.sin(direction)
+    back = rigid_point(*arm, *inverse_kinematics(arm, x, y), 0.0, 0.0)
+    bound = round_off(arm, math.hypot(x, y))
+    assert math.hypot(back[0] - x, back[1] - y) <= bound
+    assert bound < (1e-13 if radius > 0.1 * high else 1e-6)

@@ -53,6 +53,18 @@ def test_errors_are_distances_from_the_reference() -> None:
     assert (found['max_deflection'], found['max_torque'], found['ticks']) == (0.5, 9.0, 3)
 
 
+def test_rounding_is_no_error() -> None:
+    """An arm that is put on its reference by the inverse kinematics is there to 1e-15 m."""
+    there = {'ref_x': 6.0, 'ref_y': 3.0}
+    off = {'rigid_x': 6.0 + 9e-16, 'rigid_y': 3.0, 'tip_x': 6.0, 'tip_y': 3.0 + 4e-16}
+    found = fill(CONFIG, [row(**there, **off)])
+    names = ('rms_error', 'max_error', 'tip_rms_error', 'tip_max_error')
+    assert [found[name] for name in names] == [0.0] * 4
+    off = {'rigid_x': 6.0 + 1e-12, 'rigid_y': 3.0, 'tip_x': 6.0, 'tip_y': 3.0 + 1e-12}
+    found = fill(CONFIG, [row(**there, **off)])
+    assert [found[name] for name in names] == pytest.approx([1e-12] * 4, rel=1e-3)
+
+
 def square_rows(ticks: int = 160) -> list[tuple[float, ...]]:
     """Upper corner passed by 0.7 m (tip 0.9), the right one never, the lower by 0.2 m."""
     rows = []

@@ -23,6 +23,7 @@ from typing import Any
 
 from flexarm_ros.analysis.report import script_json
 from flexarm_ros.analysis.report_data import (
+    ERRORS,
     pack,
     PACKED,
     page_data,
@@ -111,7 +112,22 @@ def test_equal_columns_are_held_once() -> None:
     data = page_data([run_of(100, name='a'), run_of(100, name='b')])
     first, second = (entry['columns'] for entry in data['runs'])
     assert first == second
-    assert len(data['pool']) == len(PACKED)
+    assert len(data['pool']) == len(PACKED) + len(ERRORS)
+
+
+def test_errors_are_not_those_of_the_packing() -> None:
+    """Told from packed points, a run that starts on its reference was 2.67e-7 m off there."""
+    t = np.arange(16000) * 1e-3
+    path = {'ref_x': 6.3 * np.sin(t), 'ref_y': 6.3 * np.cos(t)}
+    rigid = {'rigid_x': 6.3 * np.sin(t) + 0.1 * t, 'rigid_y': path['ref_y'] - 0.01 * t}
+    tip = {'tip_x': path['ref_x'] + 1e-3 * t, 'tip_y': path['ref_y'] + 1e-15}
+    run = run_of(len(t), **path, **rigid, **tip)
+    data = page_data([run])
+    for name, true in zip(ERRORS, (run.error(), run.tip_error()), strict=True):
+        entry = data['pool'][data['runs'][0]['columns'][name]]
+        shown = unpack(entry['low'], entry['span'], entry['data'])
+        assert shown[0] == true[0] == 0.0
+        assert np.abs(shown - true).max() <= 0.5001 * true.max() / STEPS
 
 
 @pytest.mark.parametrize('count', [1, 3, 10, 60])

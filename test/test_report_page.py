@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 import hashlib
 from html.parser import HTMLParser
 import json
@@ -202,6 +203,22 @@ def test_reports_and_sweeps_among_runs_are_skipped(
     ]
     assert main([*words, page]) == 2
     assert main([*words, page, sweep]) == 2
+
+
+def test_unknown_overshoots_are_one_row_of_a_table(tmp_path: Path) -> None:
+    """A run that was cut off in the first of seventy sides had a row for each of the rest."""
+    run = load_run(fly(tmp_path / 'run', 'pd_tip', *SHORT))
+
+    def rows(*overshoot: float | None) -> list[str]:
+        text = render([replace(run, summary={**run.summary, 'overshoot': list(overshoot)})])
+        return re.findall(r'"row">(Overshoot[^<]*?) <.*?<td>([^<]*)', text)[:-1]
+
+    assert rows(*[None] * 70) == [('Overshoot', '–')]
+    assert rows(0.5, None, 0.25, *[None] * 67) == [
+        ('Overshoot, switch 1', '0.5000'), ('Overshoot, switch 2', '–'),
+        ('Overshoot, switch 3', '0.2500'), ('Overshoot, switch 4 and later', '–'),
+    ]  # fmt: skip
+    assert rows(0.5, None) == [('Overshoot, switch 1', '0.5000'), ('Overshoot, switch 2', '–')]
 
 
 def test_a_bag_s_report_lies_beside_it(tmp_path: Path) -> None:

@@ -98,6 +98,14 @@ def test_errors_are_those_of_the_summary(directory: Path) -> None:
     assert run.tip_error().max() == pytest.approx(run.summary['tip_max_error'], rel=1e-12)
 
 
+def test_a_run_starts_without_an_error(directory: Path) -> None:
+    run = load_run(directory)
+    x, y = run.columns['rigid_x'] - run.columns['ref_x'], run.columns['rigid_y']
+    assert np.hypot(x, y - run.columns['ref_y'])[0] > 0.0, 'the rounding is there'
+    assert run.error()[0] == run.tip_error()[0] == 0.0
+    assert run.error()[1] > 0.0
+
+
 def test_a_row_that_was_cut_off_is_left_out(copy: Path) -> None:
     cut_rows(copy, 7, rest='0.007,1.25,')
     assert load_run(copy).rows == 7

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from flexarm_ros.analysis.figures_style import SPARE_STYLES, styles
-from flexarm_ros.analysis.report_runs import labels, law_name, number, Run
+from flexarm_ros.analysis.report_runs import labels, law_name, Run
 from flexarm_ros.core.compiled import FloatArray
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,10 @@ PACKED = (
     't', 'theta1', 'theta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y', 'tip_x', 'tip_y',
     'rigid_x', 'rigid_y', 'meas_x', 'meas_y', 'ref_x', 'ref_y', 'tau1', 'tau2', 'lambda',
 )  # fmt: skip
-"""Columns that the page needs."""
+"""Columns of ``trajectory.csv`` that the page needs."""
+
+ERRORS = ('error', 'tip_error')
+"""Further columns: from the packed ones the page could tell them to 1e-7 of the path only."""
 
 STEPS = 2**24 - 2
 """Steps between the least and the largest value of a packed column; the code above is nan."""
@@ -61,10 +64,11 @@ def page_data(runs: Sequence[Run]) -> dict[str, Any]:
     entries = []
     for run, label, style in zip(runs, labels(runs), styles(runs), strict=True):
         kept = select_rows(run, budget)
+        held = {name: run.columns[name] for name in PACKED}
+        held |= zip(ERRORS, (run.error(), run.tip_error()), strict=True)
         columns = {}
-        for name in PACKED:
-            packed = pack(run.columns[name][kept])
-            columns[name] = pool.setdefault(packed, len(pool))
+        for name, values in held.items():
+            columns[name] = pool.setdefault(pack(values[kept]), len(pool))
         entries.append(
             {
                 'label': label,
@@ -76,7 +80,7 @@ def page_data(runs: Sequence[Run]) -> dict[str, Any]:
                 'rows': len(kept),
                 'total': run.rows,
                 'sensor': run.location,
-                'lengths': _lengths(run),
+                'lengths': list(run.lengths),
                 'switches': run.switches()[:MOST_SWITCHES],
                 'columns': columns,
             }
@@ -86,13 +90,6 @@ def page_data(runs: Sequence[Run]) -> dict[str, Any]:
         'pool': [{'low': low, 'span': span, 'data': data} for low, span, data in pool],
         'steps': STEPS,
     }
-
-
-def _lengths(run: Run) -> list[float]:
-    """Return the links' lengths, m; the paper's where the scenario does not tell."""
-    value = run.value('plant', 'length')
-    known = [number(item) for item in value] if isinstance(value, list) else []
-    return [item for item in known if item is not None] if len(known) == 2 else [4.5, 4.5]
 
 
 def pack(values: FloatArray) -> tuple[float, float, str]:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.kinematics import round_off
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.rows import COLUMNS
 import numpy as np
@@ -92,6 +93,14 @@ class Run:
         return number(self.value('tip_sensor', 'location'))
 
     @property
+    def lengths(self) -> tuple[float, float]:
+        """Return the links' lengths, m; the paper's where the scenario does not tell."""
+        value = self.value('plant', 'length')
+        known = [number(item) for item in value] if isinstance(value, (list, tuple)) else []
+        first, second = known if len(known) == 2 else (None, None)
+        return (4.5, 4.5) if first is None or second is None else (first, second)
+
+    @property
     def stable(self) -> bool | None:
         """Return the summary's verdict, ``None`` where it has none."""
         value = self.summary.get('stable')
@@ -115,13 +124,18 @@ class Run:
 
     def error(self) -> FloatArray:
         """Return the distance of the rigid end effector from the undelayed reference, m."""
-        c = self.columns
-        return np.hypot(c['rigid_x'] - c['ref_x'], c['rigid_y'] - c['ref_y'])
+        return self._distance('rigid')
 
     def tip_error(self) -> FloatArray:
         """Return the distance of the true tip from the undelayed reference, m."""
+        return self._distance('tip')
+
+    def _distance(self, point: str) -> FloatArray:
+        """Return the distance of a point from the reference, m; 0 where it is rounding."""
         c = self.columns
-        return np.hypot(c['tip_x'] - c['ref_x'], c['tip_y'] - c['ref_y'])
+        x, y = c['ref_x'], c['ref_y']
+        found = np.hypot(c[f'{point}_x'] - x, c[f'{point}_y'] - y)
+        return np.where(found <= round_off(self.lengths, np.hypot(x, y)), 0.0, found)
 
 
 def number(value: Any) -> float | None:

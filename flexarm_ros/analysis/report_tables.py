@@ -28,6 +28,9 @@ from flexarm_ros.analysis.report_claims import Claim, Claims
 from flexarm_ros.analysis.report_runs import labels, number, Run
 from flexarm_ros.core.parameters import SECTIONS, specs
 
+MOST_SWITCHES = 12
+"""Direction switches whose overshoots a page lists."""
+
 LONGEST = 300
 """Characters of a text from a file that a page shows."""
 
@@ -100,14 +103,15 @@ def _row(name: str, unit: str, cells: Sequence[str]) -> str:
 
 def _list_rows(name: str, unit: str, values: Sequence[Any]) -> list[str]:
     lists = [value if isinstance(value, list) else [] for value in values]
-    length = min(12, max(map(len, lists)))
-    return [
-        _row(
-            f'{name}, switch {i + 1}', unit,
-            [_number(items[i]) if i < len(items) else '–' for items in lists],
-        )
-        for i in range(length)
-    ]  # fmt: skip
+    length = min(MOST_SWITCHES, max(map(len, lists)))
+    shown = [[_number(items[i]) if i < len(items) else '–' for items in lists]
+             for i in range(length)]  # fmt: skip
+    known = max((i for i, row in enumerate(shown, 1) if set(row) != {'–'}), default=0)
+    rows = [_row(f'{name}, switch {i}', unit, row) for i, row in enumerate(shown[:known], 1)]
+    if known < length:  # one row, however many are not known
+        later = f', switch {known + 1} and later' if known + 1 < length else f', switch {length}'
+        rows.append(_row(name + (later if known else ''), unit, shown[known]))
+    return rows
 
 
 def _number(value: Any) -> str:

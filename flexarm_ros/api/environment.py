@@ -19,10 +19,11 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm_ros.api.extras import extra
+from flexarm_ros.api.numbers import finite_array, within
 from flexarm_ros.api.simulation import configure, Scenario
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.kinematics import rigid_point
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters import RunConfig, Spec
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.core.sensors import Encoder, TipSensor
 from flexarm_ros.core.timeline import Timeline
@@ -36,6 +37,10 @@ with extra('gymnasium'):
 SEEDS = 2**31 - 1
 TORQUE = 1024.0
 """Torque, N m, of an action of 1 where neither the caller nor the scenario gives a limit."""
+
+HOLD_SPEC = Spec('int', 'ticks', '', low=1)
+TORQUE_SPEC = Spec('float', 'N m', '', low=0.0, low_open=True, high=1e9)
+ACTION = 'two finite numbers, clipped to -1 to 1'
 
 
 class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
@@ -71,11 +76,10 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         self, scenario: Scenario = 'fls_tip', hold: int = 10, torque: float | None = None,
         **changes: Any,
     ) -> None:  # fmt: skip
-        if hold < 1:
-            raise ValueError(f'hold: {hold!r} ticks, allowed: 1 or more')
         self._base = configure(scenario, **changes)
-        self._hold = int(hold)
-        self._torque = float(torque or self._base.controller.torque_limit or TORQUE)
+        self._hold = int(within('hold', hold, HOLD_SPEC))
+        limit = self._base.controller.torque_limit or TORQUE
+        self._torque = limit if torque is None else within('torque', torque, TORQUE_SPEC)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (14,), np.float64)
 
@@ -103,8 +107,9 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
     def step(
         self, action: NDArray[np.floating[Any]]
     ) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
-        """Hold the torques for ``hold`` ticks."""
-        tau1, tau2 = (float(part) * self._torque for part in np.clip(action, -1.0, 1.0))
+        """Hold the torques for ``hold`` ticks; ``ValueError`` for an action that is not finite."""
+        parts = finite_array(f'action at tick {self._k}', action, (2,), ACTION)
+        tau1, tau2 = (float(part) * self._torque for part in np.clip(parts, -1.0, 1.0))
         errors, unstable = [], None
         for _ in range(min(self._hold, self._ticks - self._k)):
             self._plant.step(tau1, tau2)

@@ -16,15 +16,16 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
+from flexarm_ros.api.numbers import within
 from flexarm_ros.api.simulation import configure, Scenario
 from flexarm_ros.core import linear_model
 from flexarm_ros.core.linear_model import DEFLECTION, ENCODER, TIP_SENSOR, TORQUES
 from flexarm_ros.core.modes import linearise
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters import PlantParameters, RunConfig, specs
 from flexarm_ros.core.stability_law import linear_law as law_matrices
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
@@ -131,14 +132,13 @@ def linear_law(
 
 
 def _pose(config: RunConfig, theta1: float | None, theta2: float | None) -> tuple[float, float]:
-    for name, angle in (('theta1', theta1), ('theta2', theta2)):
-        if angle is not None and not math.isfinite(angle):
-            raise ValueError(f'{name}: {angle}: not a finite angle')
-    start = initial_angles(config)
-    return (
-        start[0] if theta1 is None else float(theta1),
-        start[1] if theta2 is None else float(theta2),
+    spec = replace(specs(PlantParameters)['initial_position'][1], kind='float')
+    given = {'theta1': theta1, 'theta2': theta2}
+    angle1, angle2 = (
+        start if angle is None else within(name, angle, spec)
+        for (name, angle), start in zip(given.items(), initial_angles(config), strict=True)
     )
+    return angle1, angle2
 
 
 def _names(config: RunConfig, model: linear_model.LinearModel, outputs: str) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario as scenarios
+from flexarm_ros.api.numbers import finite_array
 from flexarm_ros.api.run import load, Run, table_of
 from flexarm_ros.bag import outputs
 from flexarm_ros.bag import simulation as recorded
@@ -40,6 +41,7 @@ Scenario = str | os.PathLike[str] | Mapping[str, Section] | RunConfig
 """A shipped scenario's name, a file, ``{section: {key: value}}``, or what ``configure`` gave."""
 
 OWN = '/**'
+TORQUES = 'rows t, tau1, tau2 (s, N m, N m) of finite numbers, shape (n, 3)'
 
 
 def configure(
@@ -213,10 +215,9 @@ def _with_torques(
     """Return the scenario of ``data``, open loop where there are torques."""
     if torques is None:
         return scenarios.from_dict(data, torques=held)
-    rows = np.asarray(torques, dtype=float)
-    if rows.ndim != 2:
-        raise scenarios.ScenarioError(
-            f'torques: an array of shape {rows.shape}; allowed: rows t, tau1, tau2, shape (n, 3)'
-        )
+    try:
+        rows = finite_array('torques', torques, (-1, 3), TORQUES)
+    except ValueError as error:
+        raise scenarios.ScenarioError(str(error)) from None
     data.setdefault('controller', {})['law'] = 'open_loop'
     return scenarios.from_dict(data, torques=rows.tolist())

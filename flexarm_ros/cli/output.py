@@ -117,10 +117,15 @@ def headline(summary: dict[str, Any]) -> str:
 
 
 def format_metric(value: Any) -> str:
-    """Return a metric in five digits, ``-`` for what is not known, empty for no values."""
+    """
+    Return a metric in five digits, ``-`` for what is not known, empty for no values.
+
+    What is not known at the end of a list is one ``-``, however long it is.
+    """
     if isinstance(value, list):
         shown = [format_metric(item) for item in value]
-        return '-' if set(shown) == {'-'} else ' '.join(shown)
+        known = max((i for i, text in enumerate(shown, 1) if text != '-'), default=0)
+        return ' '.join(shown[: known + 1])
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return f'{value:.5g}'
     return '-'

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.control import make_law, Sample
+from flexarm_ros.core.control import make_law, Sample, torque_fault
 from flexarm_ros.core.parameters import changed, RunConfig
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.core.sensors import Encoder, further_sensors, Measurement, TipSensor
@@ -64,7 +64,8 @@ class ClosedLoop:
 
     After the run ``unstable`` is ``None`` or names the quantity that ended it,
     and ``unstable_tick`` the tick whose state it was; that tick is not part of
-    the run.
+    the run.  A torque that is not finite ends the run behind its tick, and
+    ``unstable`` names law and tick.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -102,6 +103,10 @@ class ClosedLoop:
         torque = self.law.torque(k, sample)
         self._torque = torque
         self.k = k + 1
+        fault = torque_fault(k, torque)
+        if fault is not None:
+            self.unstable = f'controller ({self.config.controller.law}): {fault}'
+            self.unstable_tick = self.k
         return TickRecord(k, q, qd, ends, encoder, tip, reference, torque, self.law.gain, more)
 
     def _retune(self, k: int) -> None:

@@ -20,6 +20,7 @@ kinematics of the joint angles, ``tip`` the bent arm's tip.  The root mean
 square is over the ticks.  An overshoot is how far (m) the point passes a
 corner along the old direction within one second of the switch, both ends of
 the second included, 0 where it never passes it; one value a direction switch.
+What rounding alone may put between a point and its joint angles is no error.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ import math
 from typing import Any
 
 from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.kinematics import round_off
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.rows import COLUMNS, Row
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
@@ -42,6 +44,8 @@ _AT = {name: index for index, name in enumerate(COLUMNS)}
 _DELTA, _TORQUE, _REFERENCE = _AT['delta1'], _AT['tau1'], _AT['ref_x']
 _TIP, _RIGID = _AT['tip_x'], _AT['rigid_x']
 
+_round_off = compiled(round_off)
+
 
 class Metrics:
     """Accumulates rows in order of time; :meth:`result` may be asked at any point."""
@@ -49,7 +53,7 @@ class Metrics:
     def __init__(self, config: RunConfig) -> None:
         timeline = Timeline.of(config.run)
         self._period_ns, self._end_ns = timeline.period_ns, timeline.duration_ns
-        self._path = make_path(config)
+        self._path, self._lengths = make_path(config), config.plant.length
         self._sums: FloatArray = np.zeros(6)
         self._rows: list[Row] = []
         self._done = 0
@@ -73,7 +77,7 @@ class Metrics:
             return
         block = np.array(self._rows)
         self._rows.clear()
-        accumulate(self._sums, block)
+        accumulate(self._sums, block, self._lengths)
         self._watch_corners(block)
         self._done += len(block)
 
@@ -160,7 +164,7 @@ def _farthest(
 
 
 @compiled
-def accumulate(sums: FloatArray, block: FloatArray) -> None:
+def accumulate(sums: FloatArray, block: FloatArray, lengths: tuple[float, float]) -> None:
     """
     Add rows ``(n, 20)`` to ``sums`` ``(6,)``, in order.
 
@@ -171,8 +175,11 @@ def accumulate(sums: FloatArray, block: FloatArray) -> None:
         ref_x, ref_y = block[i, _REFERENCE], block[i, _REFERENCE + 1]
         dx, dy = block[i, _RIGID] - ref_x, block[i, _RIGID + 1] - ref_y
         rigid = dx * dx + dy * dy
+        noise = _round_off(lengths, math.sqrt(ref_x * ref_x + ref_y * ref_y)) ** 2
+        rigid = 0.0 if rigid <= noise else rigid
         dx, dy = block[i, _TIP] - ref_x, block[i, _TIP + 1] - ref_y
         tip = dx * dx + dy * dy
+        tip = 0.0 if tip <= noise else tip
         sums[0] += rigid
         sums[1] = max(sums[1], rigid)
         sums[2] += tip

@@ -20,8 +20,9 @@ import copy
 from typing import ClassVar
 
 from flexarm_ros.bag.topics import split_state
-from flexarm_ros.core.control import make_law, Sample
+from flexarm_ros.core.control import make_law, Sample, torque_fault
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.participant import Participant
 
 
@@ -54,7 +55,11 @@ class ControllerNode(Participant):
         if not self.have(self._tip, self._encoder, self._state, self._reference):
             return False
         tick = self.tick
-        self._torque.send(self.timeline.stamp_ns(tick), *self._law.torque(tick, self._sample()))
+        torque = self._law.torque(tick, self._sample())
+        fault = torque_fault(tick, torque)
+        if fault is not None:
+            raise RunFailed(f'controller ({self.config.controller.law})', fault)
+        self._torque.send(self.timeline.stamp_ns(tick), *torque)
         self.tick += 1
         self.check_end()
         self._reference.fetch(self.tick)  # it is here already: taken while the plant has its turn

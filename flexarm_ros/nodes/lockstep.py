@@ -32,7 +32,7 @@ from flexarm_ros.bag.topics import Topic
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.graph import message_class, qos_profile
-from flexarm_ros.nodes.identity import gid_of, SenderInfo
+from flexarm_ros.nodes.identity import gid_of, node_of, SenderInfo
 from flexarm_ros.nodes.status import printable
 import numpy as np
 
@@ -128,6 +128,8 @@ class Input:
         self._unnamed = True
         """Whether messages do not tell whether their publisher is the run's."""
         self.source = topic.node
+        self.sender = ''
+        """Name of the node that publishes for this run, once it is known."""
         self._rising = False
         # /clock is every arm's of a graph; the others are this run's alone.
         alone = not topic.name.startswith('/')
@@ -279,13 +281,19 @@ class Input:
             return f'stamp {stamp} ns where tick {tick * self.topic.every} has {due} ns'
         if self._rising and stamp <= self._last_stamp:
             return f'stamp {stamp} ns again at tick {tick}, or older than the one before'
-        if not math.isfinite(sum(values)):
-            return f'value that is not finite at tick {tick}'
+        if not math.isfinite(sum(values)) and (fault := self._not_finite(values)):
+            return f'{fault} at tick {tick}'
         self._last_stamp = stamp
         self.tick, self.data, self.values = tick, data, values
         self._gap = False
         self.accepted = self.accepted or self._sender
         return ''
+
+    def _not_finite(self, values: Values) -> str:
+        """Return which value is not finite and which node sent it; empty where all are."""
+        named = zip(self.topic.codec.fields, values, strict=True)
+        wrong = [f'{name} is {value}' for name, value in named if not math.isfinite(value)]
+        return f'{wrong[0]}, from {self.sender or self.source},' if wrong else ''
 
     def fetch_block(self, until: int, into: list[bytes]) -> None:
         """
@@ -368,6 +376,7 @@ class Input:
         shared = not self._unwanted  # a handle is told from others only where there is one
         self._unnamed = told is SenderInfo.NONE or (told is SenderInfo.HANDLE and shared)
         self.accepted = gid_of(endpoint) if told is SenderInfo.GID else b''
+        self.sender = node_of(endpoint)
         held = self.source == 'tip_sensor' and self._participant.config.tip_sensor.rate > 0.0
         self._rising = foreign and not self._exact and not held
 

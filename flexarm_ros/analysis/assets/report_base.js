@@ -30,19 +30,11 @@ function unpack(entry, steps) {
   return values;
 }
 
-function distance(ax, ay, bx, by) {
-  const result = new Float64Array(ax.length);
-  for (let i = 0; i < result.length; i++) result[i] = Math.hypot(ax[i] - bx[i], ay[i] - by[i]);
-  return result;
-}
-
 function loadRuns(data) {
   const pool = data.pool.map((entry) => unpack(entry, data.steps));
   return data.runs.map((run, index) => {
     const c = {};
     for (const name in run.columns) c[name] = pool[run.columns[name]];
-    c.error = distance(c.rigid_x, c.rigid_y, c.ref_x, c.ref_y);
-    c.tip_error = distance(c.tip_x, c.tip_y, c.ref_x, c.ref_y);
     return Object.assign(run, { c, index, shown: true, end: c.t.length ? c.t[c.t.length - 1] : 0 });
   });
 }

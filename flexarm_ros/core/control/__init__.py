@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.control.law import Law, Sample, torque_fault
 from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
 from flexarm_ros.core.control.open_loop import OpenLoopLaw
 from flexarm_ros.core.control.pd import FlsLaw, fuzzy_gain, PdLaw
@@ -39,7 +39,7 @@ LAWS: dict[str, type[Law]] = {
 PLANNING = ('inverse', 'passive', 'lqg', 'adaptive')
 """Laws that compute the whole motion before the first tick."""
 
-__all__ = ['LAWS', 'PLANNING', 'Law', 'Sample', 'gain_of', 'make_law']
+__all__ = ['LAWS', 'PLANNING', 'Law', 'Sample', 'gain_of', 'make_law', 'torque_fault']
 
 
 def make_law(config: RunConfig) -> Law:

@@ -42,6 +42,14 @@ class Sample(NamedTuple):
     reference: tuple[float, float, float, float]
 
 
+def torque_fault(k: int, torque: tuple[float, float]) -> str | None:
+    """Return which torque of tick ``k`` is not finite, ``None`` where both are."""
+    if math.isfinite(torque[0]) and math.isfinite(torque[1]):
+        return None
+    joint = 0 if not math.isfinite(torque[0]) else 1
+    return f'tick {k}: torque at the {("shoulder", "elbow")[joint]} is {torque[joint]} N m'
+
+
 class Law:
     """
     A control law: a function of the tick's sample, with a state of its own if need be.

@@ -1,0 +1,63 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Numbers that a caller gives: within their range, or an error that says what is allowed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.parameters import Spec
+from flexarm_ros.scenario.convert import allowed
+import numpy as np
+
+
+def within(name: str, value: Any, spec: Spec) -> float:
+    """
+    Return a number; its kind, ``float`` or ``int``, and its range are those of ``spec``.
+
+    Raises ``ValueError``, naming the argument, the value and what is allowed.
+    """
+    kinds: tuple[type, ...] = (int, np.integer)
+    if spec.kind != 'int':
+        kinds += (float, np.floating)
+    low = -np.inf if spec.low is None else spec.low
+    high = np.inf if spec.high is None else spec.high
+    known = isinstance(value, kinds) and not isinstance(value, bool)
+    if known and low <= value <= high and not (spec.low_open and value == low):
+        return float(value)
+    what = 'a whole number' if spec.kind == 'int' else 'a number'
+    raise ValueError(f'{name}: {value!r}, allowed: {what}, {allowed(spec)}')
+
+
+def finite_array(name: str, value: Any, shape: tuple[int, ...], what: str) -> FloatArray:
+    """
+    Return an array of finite numbers, shape ``shape``, in which -1 stands for 1 or more.
+
+    Raises ``ValueError``, naming the argument, the value and what is allowed.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(())
+    fits = array.ndim == len(shape) and all(
+        size > 0 if wanted < 0 else size == wanted
+        for size, wanted in zip(array.shape, shape, strict=True)
+    )
+    if not fits or not np.isfinite(array).all():
+        shown = ' '.join(repr(value).split())
+        shown = shown if len(shown) <= 80 else f'{shown[:77]}...'
+        raise ValueError(f'{name}: {shown}, allowed: {what}')
+    return array
