@@ -20,6 +20,7 @@ import csv
 import json
 import math
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -175,11 +176,17 @@ def test_progress_has_no_figure_before_there_is_one(capsys: pytest.CaptureFixtur
         shown.update(1, 16000)
         shown._last_line -= 60.0
         shown.update(1, 16000)
+        shown._start = time.monotonic() - 50.0  # a slow machine, not one that stands still
+        shown._last_line -= 60.0
+        shown.update(501, 16000)
     with progress.CountProgress('sweep', 10, 4) as counted:
         counted._last_line -= 60.0
         counted.update(4)
     said = capsys.readouterr().err.splitlines()
-    assert said == ['fls_tip: 0.00 of 16 s simulated', 'sweep: 4 of 10 runs']
+    assert [said[0], said[2]] == ['fls_tip: 0.00 of 16 s simulated', 'sweep: 4 of 10 runs']
+    assert re.fullmatch(
+        r'fls_tip: 0.50 of 16 s simulated, 0\.01 times real time, 15\d\d s left', said[1]
+    )
 
 
 def test_progress_in_a_pipe_is_plain_lines(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import json
 from pathlib import Path
+import re
 import subprocess
 import sys
 from typing import Any
@@ -71,6 +73,7 @@ def test_a_node_that_dies_is_named_with_its_last_words(flexarm_run: Fly) -> None
     assert flight.problem == 'controller: start: ended with exit status 1: no torque today'
     assert not flight.stable
     assert flight['complete'] is False
+    assert flight['external'] == ['controller']
     assert flight.log('controller') == 'no torque today\n'
 
 
@@ -82,7 +85,7 @@ def test_a_suite_flies_the_users_node(flexarm_suite: Fly, tmp_path: Path) -> Non
     assert result.passed
     verdict = flexarm('verify', tmp_path / 'mine' / 'killed')
     assert verdict.returncode == 0, verdict.stdout
-    assert 'not ours, taken as recorded: controller' in verdict.stdout
+    assert 'external, taken as recorded: controller' in verdict.stdout
 
 
 def test_a_simulation_needs_no_ros(flexarm_run: Fly) -> None:
@@ -140,9 +143,12 @@ def test_run_starts_and_ends_the_users_node(mode: list[str], tmp_path: Path) -> 
                    '--node', f'controller={command}', '--out', tmp_path / 'run')  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert len((tmp_path / 'run' / 'trajectory.csv').read_text().splitlines()) == 201
+    assert re.search(r'^external +controller$', done.stdout, re.MULTILINE)
+    summary = json.loads((tmp_path / 'run' / 'summary.json').read_text())
+    assert summary['external'] == ['controller'] and 'controller' not in summary['scenario']
     verdict = flexarm('verify', tmp_path / 'run')
     assert verdict.returncode == 0, verdict.stdout
-    assert 'not ours, taken as recorded: controller' in verdict.stdout
+    assert 'external, taken as recorded: controller' in verdict.stdout
 
 
 def test_a_users_node_may_leave_behind_the_last_tick_only(tmp_path: Path) -> None:

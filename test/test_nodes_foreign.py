@@ -57,7 +57,8 @@ def test_the_example_controller_flies_in_lockstep(tmp_path: Path, ros_domain: in
     assert float(cell['tau1']) == 2000.0 * (
         -3 * 3.141592653589793 / 4 - 0.14 - float(cell['theta1'])
     )
-    assert json.loads((out / 'summary.json').read_text())['stable'] is True
+    summary = json.loads((out / 'summary.json').read_text())
+    assert (summary['stable'], summary['external']) == (True, ['controller'])
 
 
 NAMED = """
@@ -98,6 +99,24 @@ def test_torques_go_by_name(tmp_path: Path, ros_domain: int) -> None:
     cell = dict(zip(header.split(','), map(float, first.split(',')), strict=True))
     assert cell['tau1'] == 2000.0 * (-3 * math.pi / 4 - 0.14 - cell['theta1'])
     assert cell['tau2'] == 600.0 * (0.28 - cell['theta2'])
+
+
+BROKEN = NAMED.replace('told.get(name, 1e9)', "float('nan')")
+
+
+def test_a_node_that_sends_nan_is_named_with_the_tick(tmp_path: Path, ros_domain: int) -> None:
+    (tmp_path / 'broken.py').write_text(BROKEN)
+    out = tmp_path / 'run'
+    command = f"{sys.executable} {tmp_path / 'broken.py'} {EXAMPLE.parent} 'elbow shoulder'"
+    done = flexarm('run', 'pd_collocated', '--compose', '--node', f'controller={command}', '--set',
+                   'duration=0.1', '--no-pictures', '--out', out)  # fmt: skip
+    assert done.returncode == 1
+    summary = json.loads((out / 'summary.json').read_text())
+    assert summary['problem'].endswith(
+        'tick 0: invalid message on joint_command: effort.shoulder is nan, from /my_controller, '
+        'at tick 0'
+    )
+    assert summary['problem'] in done.stderr
 
 
 SLOW = """

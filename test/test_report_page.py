@@ -82,9 +82,10 @@ def page_of(*directories: Path) -> Page:
     return Page(render([load_run(directory) for directory in directories]))
 
 
-def test_the_page_has_metrics_claims_scenario_and_versions(runs: Path) -> None:
-    text = page_of(runs / 'fls_collocated', runs / 'fls_tip').text
-    summary = json.loads((runs / 'fls_tip' / 'summary.json').read_text('utf-8'))
+def test_the_page_has_metrics_claims_scenario_and_versions(runs: Path, tmp_path: Path) -> None:
+    cases = [fly(tmp_path / case, case) for case in ('fls_collocated', 'fls_tip')]
+    text = page_of(*cases).text
+    summary = json.loads((tmp_path / 'fls_tip' / 'summary.json').read_text('utf-8'))
     for shown in (
         f"{summary['rms_error']:#.4g}", f"{summary['overshoot'][2]:#.4g}",
         '(c) FLS: the delay raises the overshoot', 'tip_sensor.latency s', '0.001238',
@@ -92,6 +93,8 @@ def test_the_page_has_metrics_claims_scenario_and_versions(runs: Path) -> None:
         'Every recorded tick is in this page.',
     ):  # fmt: skip
         assert shown in text
+    changed = page_of(runs / 'fls_collocated', runs / 'fls_tip').text
+    assert '(c) FLS' not in changed, 'a shorter path is no case of the paper'
 
 
 def test_the_page_asks_nothing_of_the_network(runs: Path) -> None:

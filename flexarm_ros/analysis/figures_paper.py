@@ -17,8 +17,8 @@ The paper's own figures, one picture each, where the runs at hand can show them.
 
 Figures 2 and 3 (membership functions) want a fuzzy run; 5 and 7 (paths) and 6 and 8 (the
 transients that the paper zooms into) want, for the tip and for 2.25 m along link 2, at least two
-of the three cases of both laws.  Figures 1 and 4 are drawings of the arm and of the control loop;
-``docs/model.md`` has both.
+of the three cases of both laws, flown by our own nodes.  Figures 1 and 4 are drawings of the arm
+and of the control loop; ``docs/model.md`` has both.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ def paper_figures(groups: Sequence[Panel]) -> Iterator[tuple[str, Figure]]:
 def _shows(group: Panel, law: str, place: float) -> bool:
     return (
         group.law == law
+        and not any(run.external for run in group.runs)
         and group.location is not None
         and abs(group.location - place) < 1e-9
         and len({run.role for run in group.runs if run.role}) >= LEAST_CASES

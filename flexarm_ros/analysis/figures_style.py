@@ -34,6 +34,7 @@ from typing import Any, TYPE_CHECKING
 from flexarm_ros.analysis.report_runs import (
     COLLOCATED,
     CORRECTED,
+    external_parts,
     labels,
     law_name,
     NONCOLLOCATED,
@@ -222,7 +223,7 @@ def panel_title(group: Panel) -> str:
     if len(group.runs) > 1:
         return group.title
     run = group.runs[0]
-    title = ', '.join(part for part in (group.title, run.role) if part)
+    title = ', '.join(filter(None, (group.title, run.role, external_parts(run))))
     if run.stable is False and run.rows:
         title += f'\nunstable, stopped at t = {run.columns["t"][-1]:.3g} s'
     return title

@@ -44,7 +44,7 @@ def read_bag(
     ended, is ``None``.  Raises ``BagError`` where ``path`` leads to no bag of a run.
     """
     reader = open_run(path, given, namespace)
-    metrics = Metrics(reader.config) if reader.has_scenario else None
+    metrics = Metrics(reader.config, reader.provenance.foreign) if reader.has_scenario else None
     parts: list[FloatArray] = []
     found = trajectory(reader)
     while block := list(islice(found, BLOCK)):

@@ -16,37 +16,23 @@
 The paper's claims (its section 5) held against the runs at hand.
 
 The claims are those of the shipped suite ``paper``: its words, its reading of "markedly" and
-"little", its comparisons.  Which of the paper's ten cases a run is comes from its resolved
-scenario, not from its name.
+"little", its comparisons.  They are judged on the ten shipped cases only: every value of the
+scenario as it is shipped, whatever the run's name, and all nodes our own.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.report_runs import COLLOCATED, CORRECTED, NONCOLLOCATED, number, Run
+from flexarm_ros.analysis.report_runs import Run
+from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.scenario import suite
 from flexarm_ros.scenario.expect import Outcome
 
-TIP, MID = 'tip', 'mid'
-Key = tuple[str, str, str]
-
-TEN: dict[Key, str] = {
-    (law, role, place): f'{law}_{name}'
-    for law in ('pd', 'fls')
-    for role, place, name in (
-        (COLLOCATED, '', 'collocated'),
-        (NONCOLLOCATED, TIP, 'tip'),
-        (CORRECTED, TIP, 'tip_corrected'),
-        (NONCOLLOCATED, MID, 'mid'),
-        (CORRECTED, MID, 'mid_corrected'),
-    )
-}
-"""Law, role and place of the paper's ten cases -> the case's name in the suite."""
+_WALL_CLOCK = ('start_timeout', 'tick_timeout', 'on_invalid', 'record')
+"""Keys of the whole run that no number depends on."""
 
 
 @dataclass(frozen=True)
@@ -70,19 +56,19 @@ class Claims:
 
 def evaluate(runs: Sequence[Run]) -> Claims:
     """Return which of the paper's claims hold over the given runs, with the numbers."""
-    cases, remarks = _cases(runs)
-    if not cases:
-        return Claims((), (), remarks)
     try:
-        claims = suite.load('paper').claims
+        paper = suite.load('paper')
     except scenario.ScenarioError as error:
         return Claims((), (), (f'No claims: {error}',))
-    metrics = {TEN[key]: run.summary for key, run in cases.items()}
-    renamed = [f'{TEN[key]} is {run.name}' for key, run in cases.items() if run.name != TEN[key]]
+    cases, remarks = _cases(runs, {_numbers(case.config): case.name for case in paper.cases})
+    if not cases:
+        return Claims((), (), remarks)
+    metrics = {name: run.summary for name, run in cases.items()}
+    renamed = [f'{name} is {run.name}' for name, run in cases.items() if run.name != name]
     if renamed:
         remarks = (f"Of the paper's cases, {', '.join(renamed)} here.", *remarks)
     tested, untested = [], []
-    for claim in claims:
+    for claim in paper.claims:
         outcomes = [check.check(metrics) for check in claim.checks]
         decided = tuple(outcome for outcome in outcomes if outcome.holds is not None)
         if decided:
@@ -99,70 +85,38 @@ def _verdict(outcomes: Sequence[Outcome]) -> str:
     return holds if all(held) else in_part if any(held) else fails
 
 
-def _cases(runs: Sequence[Run]) -> tuple[dict[Key, Run], tuple[str, ...]]:
-    """
-    Return law, role and place -> run; only runs that are alike in all else count.
-
-    Of several kinds the most frequent is taken, of two runs of one case the first.
-    """
-    placed = [(run, (run.law, run.role, _place(run))) for run in runs]
-    candidates = [(run, key) for run, key in placed if key in TEN]
-    remarks = [f"{run.name} is none of the paper's ten cases." for run, key in placed
-               if key not in TEN]  # fmt: skip
-    arm, sensor = _usual_kind([run for run, _ in candidates])
-    cases: dict[Key, Run] = {}
-    for run, key in candidates:
-        if _arm(run) != arm or (run.role != COLLOCATED and _sensor(run) != sensor):
-            remarks.append(f'{run.name} differs from the others in more than the case.')
-        elif key in cases:
-            remarks.append(f'{run.name} is the same case as {cases[key].name}.')
+def _cases(
+    runs: Sequence[Run], shipped: Mapping[RunConfig, str]
+) -> tuple[dict[str, Run], tuple[str, ...]]:
+    """Return the name of a case -> its run, of two the first; and why others are left out."""
+    cases: dict[str, Run] = {}
+    remarks = []
+    for run in runs:
+        name = _case(run, shipped)
+        if run.external:
+            remarks.append(f'{run.name} was flown with external nodes: {", ".join(run.external)}.')
+        elif name is None:
+            remarks.append(f"{run.name} is none of the paper's ten cases as they are shipped.")
+        elif name in cases:
+            remarks.append(f'{run.name} is the same case as {cases[name].name}.')
         else:
-            cases[key] = run
+            cases[name] = run
     return cases, tuple(f'Left out: {text}' for text in remarks)
 
 
-def _place(run: Run) -> str:
-    """Return which of the paper's two places the sensor is at; empty for an encoder."""
-    if run.location is None:
-        return ''
-    places = {TIP: 9.0, MID: 6.75}
-    return next((name for name, x in places.items() if abs(run.location - x) < 1e-9), 'elsewhere')
+def _case(run: Run, shipped: Mapping[RunConfig, str]) -> str | None:
+    """Return which of the shipped cases a run is, every value of its scenario unchanged."""
+    if run.summary.get('changes'):
+        return None
+    try:
+        config = scenario.from_dict({section: {**keys} for section, keys in run.scenario.items()})
+    except (scenario.ScenarioError, TypeError, ValueError):
+        return None
+    return shipped.get(_numbers(config))
 
 
-def _usual_kind(runs: Sequence[Run]) -> tuple[str, str]:
-    """Return the most frequent kind of arm, and of sensor on such an arm."""
-    arms = Counter(_arm(run) for run in runs)
-    arm = max(arms, key=arms.__getitem__, default='')
-    sensors = Counter(_sensor(run) for run in runs if _arm(run) == arm and run.role != COLLOCATED)
-    return arm, max(sensors, key=sensors.__getitem__, default='')
-
-
-CASE_KEYS = {
-    '/**': {'sync', 'start_timeout', 'tick_timeout', 'on_invalid'},
-    'trajectory': {'delay'},
-    'controller': {'law', 'feedback', 'velocity_source', 'ks', 'kn', 'torque_file'},
-}
-"""Section -> keys that may differ between cases that are compared."""
-
-
-def _arm(run: Run) -> str:
-    """Return a text that is equal for runs whose arm, path and gains are equal."""
-    held = {
-        section: {key: keys[key] for key in sorted(set(keys) - CASE_KEYS.get(section, set()))}
-        for section, keys in run.scenario.items()
-        if section not in ('tip_sensor', 'recorder')
-    }
-    return json.dumps(held, sort_keys=True)
-
-
-def _sensor(run: Run) -> str:
-    """
-    Return a text that is equal for sensors with one reading of the paper's delay.
-
-    The delay goes with the distance: of both only their quotient counts, a wave's speed.
-    """
-    keys = run.scenario.get('tip_sensor', {})
-    held = {key: keys[key] for key in sorted(set(keys) - {'location', 'latency'})}
-    latency = number(keys.get('latency')) or 0.0
-    speed = f'{(run.location or 0.0) / latency:.1e}' if latency > 0.0 else ''
-    return json.dumps([held, speed, run.value('controller', 'velocity_source')], sort_keys=True)
+def _numbers(config: RunConfig) -> RunConfig:
+    """Return a scenario without the keys that no number depends on."""
+    default = RunConfig()
+    same = {key: getattr(default.run, key) for key in _WALL_CLOCK}
+    return replace(config, run=replace(config.run, **same), recorder=default.recorder)

@@ -32,6 +32,9 @@ COLLOCATED = 'collocated'
 NONCOLLOCATED = 'noncollocated (NMP)'
 CORRECTED = 'NMP corrected'
 
+EXTERNAL = 'external'
+"""In the place of a control law: an external controller."""
+
 LARGEST = 1e60
 """Beyond this a value counts as not finite: squares and picture's scales would overflow."""
 
@@ -70,15 +73,23 @@ class Run:
 
     @property
     def law(self) -> str:
-        """Return ``controller.law``, or an empty text where it is not known."""
+        """Return ``controller.law``, `EXTERNAL`, or an empty text where it is not known."""
+        if 'controller' in self.external:
+            return EXTERNAL
         value = self.value('controller', 'law')
         return value if isinstance(value, str) else ''
+
+    @property
+    def external(self) -> tuple[str, ...]:
+        """Return the roles of external nodes."""
+        roles = self.summary.get('external')
+        return tuple(map(str, roles)) if isinstance(roles, list) else ()
 
     @property
     def role(self) -> str:
         """Return which of the paper's three cases it is, empty for a law without feedback."""
         feedback = self.value('controller', 'feedback')
-        if self.law == 'open_loop' or feedback not in ('encoder', 'tip_sensor'):
+        if self.law in ('open_loop', EXTERNAL) or feedback not in ('encoder', 'tip_sensor'):
             return ''
         if feedback == 'encoder':
             return COLLOCATED
@@ -256,7 +267,9 @@ def _table(lines: list[str], width: int) -> FloatArray:
     return table
 
 
-LAW_NAMES = {'pd': 'PD', 'fls': 'FLS', 'open_loop': 'Open loop'}
+LAW_NAMES = {
+    'pd': 'PD', 'fls': 'FLS', 'open_loop': 'Open loop', EXTERNAL: 'External controller'
+}  # fmt: skip
 
 
 def law_name(law: str) -> str:
@@ -285,14 +298,16 @@ def labels(runs: Sequence[Run], short: bool = False) -> list[str]:
 
 
 def _base_label(run: Run, short: bool) -> str:
-    if short:
-        return run.role or law_name(run.law)
-    parts = [law_name(run.law)]
-    if run.role:
-        parts.append(run.role)
-    if run.location is not None:
+    parts = [run.role or law_name(run.law)] if short else [law_name(run.law), run.role]
+    if run.location is not None and not short:
         parts.append(f'sensor at {run.location:g} m')
-    return ', '.join(parts)
+    return ', '.join(filter(None, (*parts, external_parts(run))))
+
+
+def external_parts(run: Run) -> str:
+    """Return which roles beside the controller are external nodes, empty if none is."""
+    others = [role.replace('_', ' ') for role in run.external if role != 'controller']
+    return f'external {" and ".join(others)}' if others else ''
 
 
 def _differences(runs: Sequence[Run]) -> list[str]:

@@ -79,6 +79,9 @@ def _run_heads(runs: Sequence[Run]) -> str:
 def metrics_table(runs: Sequence[Run]) -> str:
     """Return the metrics of every run, a column each."""
     rows = [_row('Outcome', '', [_outcome(run) for run in runs])]
+    if any(run.external for run in runs):
+        named = [text(', '.join(run.external)) or 'none' for run in runs]
+        rows.append(_row('External nodes', '', named))
     for key, name, unit in METRICS:
         values = [run.summary.get(key) for run in runs]
         if any(isinstance(value, list) for value in values):
@@ -182,7 +185,10 @@ def scenario_table(runs: Sequence[Run]) -> str:
     rows = []
     for section, key in keys:
         name = key if section == '/**' else f'{section}.{key}'
-        cells = [_parameter(run.value(section, key)) for run in runs]
+        cells = [
+            _parameter(run.value(section, key)) if key in run.scenario.get(section, ()) else '–'
+            for run in runs
+        ]
         rows.append((text(name) + _unit(section, key), cells))
     return _facts(runs, rows, 'Parameter')
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 import math
 import os
@@ -156,6 +156,7 @@ def compare(
     if given is not None and a.reader.own and b.reader.own:
         raise BagContentError(f'{a.reader.path}: both runs have a scenario; leave out --scenario')
     result = Comparison(parameters=list(_parameters(a.reader, b.reader)))
+    result.notes += _external({'A': a.reader, 'B': b.reader})
     fields = _shared_fields(a, b, result)
     paths = list(fields)
     result.only_a, result.only_b = dict.fromkeys(paths, 0), dict.fromkeys(paths, 0)
@@ -233,12 +234,20 @@ def _accumulate(
     difference.beyond += count
 
 
+def _external(readers: Mapping[str, BagReader]) -> Iterator[str]:
+    """Tell which nodes of which run were external."""
+    for name, reader in readers.items():
+        if reader.provenance.foreign:
+            yield f'external nodes in {name}: {", ".join(reader.provenance.foreign)}'
+
+
 def _parameters(reader_a: BagReader, reader_b: BagReader) -> Iterator[str]:
     """Tell each parameter in which two scenarios differ; nothing where one has none."""
     if not (reader_a.has_scenario and reader_b.has_scenario):
         return
     a, b = reader_a.config, reader_b.config
-    dict_a, dict_b = scenario.to_dict(a), scenario.to_dict(b)
+    external = {*reader_a.provenance.foreign, *reader_b.provenance.foreign}
+    dict_a, dict_b = scenario.to_dict(a, external), scenario.to_dict(b, external)
     for section, keys in dict_a.items():
         for key, value in keys.items():
             other: Any = dict_b[section][key]

@@ -21,7 +21,7 @@ and for a simulation in one process, so that the two agree byte for byte.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from importlib import metadata
 import json
 import os
@@ -34,7 +34,7 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.files import write_atomically
 from flexarm_ros.bag.frontmatter import bag_config
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.topics import COMMAND, STATE, TIP
+from flexarm_ros.bag.topics import COMMAND, REFERENCE, STATE, TIP
 from flexarm_ros.core.metrics import Metrics
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.rows import COLUMNS, Row, Rows
@@ -61,10 +61,11 @@ def block_rows(rows: Rows, block: Block) -> Iterable[Row]:
     ends = state[:, coordinates:count].tolist()
     measured = block.values[TIP][:, :2].tolist()
     torques = block.values[COMMAND].tolist()
+    published = block.values[REFERENCE][:, :2].tolist()
     for i in range(len(block)):
         yield rows.row(
             block.first + i, positions[i], rates[i], _pair(ends[i]), _pair(measured[i]),
-            _pair(torques[i]),
+            _pair(torques[i]), _pair(published[i]),
         )  # fmt: skip
 
 
@@ -73,7 +74,7 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
 
 
 def write_trajectory(
-    directory: Path, config: RunConfig, blocks: Iterable[Block]
+    directory: Path, config: RunConfig, blocks: Iterable[Block], external: Collection[str] = ()
 ) -> dict[str, Any]:
     """
     Write ``trajectory.csv`` and return the metrics of the run.
@@ -81,7 +82,7 @@ def write_trajectory(
     The file appears whole or not at all.  Numbers have the shortest text that
     reads back exactly; ``nan`` stands where there is none.
     """
-    rows, metrics = Rows(config), Metrics(config)
+    rows, metrics = Rows(config, external), Metrics(config, external)
     path = directory / TRAJECTORY
     temporary = path.with_name(path.name + '.tmp')
     try:
@@ -110,7 +111,8 @@ def summary_of(
     """
     Return what ``summary.json`` says of a run that has ended.
 
-    ``unstable`` is the tick and the text of the state that ended the run.
+    ``unstable`` is the tick and the text of the state that ended the run.  ``external`` are the
+    roles of external nodes; parameters that are unused beside them are left out.
     """
     timeline = Timeline.of(config.run)
     ticks = metrics['ticks']
@@ -121,12 +123,13 @@ def summary_of(
         'complete': finished or unstable is not None,
         'stable': False if unstable else True if finished else None,
         'unstable_tick': unstable[0] if unstable else None,
+        'external': list(provenance.foreign),
         'problem': problem or (f'unstable: {unstable[1]}' if unstable else ''),
         **metrics,
         'wall_s': wall_s,
         'rtf': simulated / wall_s if wall_s else None,
         'versions': {**provenance.versions, **_ros_versions(), 'commit': provenance.commit},
-        'scenario': scenario.to_dict(bag_config(config)),
+        'scenario': scenario.to_dict(bag_config(config), provenance.foreign),
         **({'changes': [c._asdict() for c in config.changes]} if config.changes else {}),
     }
 

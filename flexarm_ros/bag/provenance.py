@@ -48,7 +48,7 @@ class Provenance:
     """
     ``name`` of the scenario, ``versions`` of packages, ``commit`` and ``digest`` of the code.
 
-    ``foreign`` names nodes whose place somebody else's node took.
+    ``foreign`` names the roles of external nodes.
     ``digest`` is the SHA-256 of the source of core, scenario and bag, which
     tells changed code from released code where the commit cannot.
     """

@@ -52,7 +52,7 @@ class Recording:
     """
     A bag below a run's directory, as the recorder node fills it.
 
-    ``foreign`` names the nodes that are somebody else's.  Raises BagError where
+    ``foreign`` names the roles of external nodes.  Raises BagError where
     the directory cannot be made or holds a bag already.
     """
 
@@ -92,17 +92,19 @@ def free_directory(name: str, below: Path = Path('runs')) -> Path:
     return path
 
 
-def prepare_directory(directory: Path, config: RunConfig, name: str) -> None:
+def prepare_directory(
+    directory: Path, config: RunConfig, name: str, external: Iterable[str] = ()
+) -> None:
     """
     Make a run's directory and mark it as not finished.
 
-    Raises BagExistsError if there is anything in it already, BagError or
-    OSError where it cannot be made.
+    ``external``: roles that are left to external nodes.  Raises BagExistsError if there is
+    anything in it already, BagError or OSError where it cannot be made.
     """
     directory.mkdir(parents=True, exist_ok=True)
     if any(directory.iterdir()):
         raise BagExistsError(f'{directory}: exists and is not empty, not overwritten')
-    write_summary(directory, unfinished_summary(config, Provenance.here(name)))
+    write_summary(directory, unfinished_summary(config, Provenance.here(name, external)))
 
 
 def finish_run(
@@ -112,20 +114,23 @@ def finish_run(
     wall_s: float | None = None,
     problem: str = '',
     unstable: tuple[int, str] | None = None,
+    external: Iterable[str] = (),
 ) -> dict[str, Any]:
     """
     Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
 
     A bag that was cut off (recorder killed, disk full) is rescued first and
-    the damaged one kept beside it.
+    the damaged one kept beside it.  The bag tells which nodes were external; ``external`` is
+    what is known where there is none.
     """
-    provenance = Provenance.here(name)
+    provenance = Provenance.here(name, external)
     metrics = Metrics(config).result()
     try:
         _mend_bag(directory, config, provenance)
         reader = BagReader(directory)
+        provenance = replace(provenance, foreign=reader.provenance.foreign)
         config = replace(config, changes=reader.config.changes)
-        metrics = write_trajectory(directory, config, reader.blocks())
+        metrics = write_trajectory(directory, config, reader.blocks(), provenance.foreign)
     except BagError as error:
         problem = problem or str(error)
     summary = summary_of(config, metrics, provenance, wall_s, unstable, problem)

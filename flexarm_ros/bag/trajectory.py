@@ -52,7 +52,7 @@ def trajectory(reader: BagReader) -> Iterator[TickRow]:
 
 
 def _own(reader: BagReader) -> Iterator[TickRow]:
-    rows = Rows(reader.config)
+    rows = Rows(reader.config, reader.provenance.foreign)
     for block in reader.blocks():
         for tick, row in enumerate(block_rows(rows, block), block.first):
             yield TickRow(tick, row, True)

@@ -305,7 +305,7 @@ def verify(
     """
     Compute the run of a bag anew and compare every recorded message.
 
-    ``foreign`` names nodes that were not ours (beside those that the bag
+    ``foreign`` names the roles of external nodes (beside those that the bag
     itself names): their output is taken as it is, and the closed loop is not
     computed.  ``given`` is the scenario of a bag that has none, ``namespace`` as
     for `BagReader`.  Raises BagError where RUN cannot be read or has no scenario.
@@ -315,7 +315,7 @@ def verify(
     skip = frozenset(foreign) | frozenset(reader.provenance.foreign)
     if skip:
         verdict.notes.append(
-            f'not ours, taken as recorded: {", ".join(sorted(skip))}; closed loop not computed'
+            f'external, taken as recorded: {", ".join(sorted(skip))}; closed loop not computed'
         )
     elif reader.config.run.sync == 'free':
         verdict.notes.append('a free-running run: verified node by node; closed loop not computed')

@@ -83,6 +83,8 @@ def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = Fals
     """Print a run's metrics and where its files are; draw the pictures first if asked to."""
     drawn = _draw(directory) if pictures else []
     rows = [('result', headline(summary))]
+    if summary.get('external'):
+        rows.append(('external', ', '.join(summary['external'])))
     rows += [
         (label, f'{shown} {unit}')
         for key, label, unit in _METRICS

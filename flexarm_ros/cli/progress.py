@@ -108,7 +108,8 @@ class Progress(_Shown):
         factor = (ticks - self._first) * self._period / wall if wall > 0.0 else 0.0
         note = f'{ticks * self._period:.2f} of {self._duration:g} s simulated'
         if factor > 0.0:
-            note += f', {factor:.1f} times real time'
+            shown = f'{factor:.1f}' if factor >= 1.0 else f'{factor:.2g}'
+            note += f', {shown} times real time'
         if self._bar is not None:
             self._show(ticks, total, note)
         elif self._line_is_due():

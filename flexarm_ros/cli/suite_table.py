@@ -104,7 +104,7 @@ def _print_cases(cases: list[CaseResult]) -> None:
     rows = [
         [
             c.case.name,
-            ('pass' if c.passed else 'FAIL') + ('' if c.metrics.get('stable') else ', not stable'),
+            _result(c),
             *(format_metric(_short(c.metrics.get(name))) for name in _COLUMNS),
         ]
         for c in cases
@@ -113,6 +113,15 @@ def _print_cases(cases: list[CaseResult]) -> None:
     for row in [header, *rows]:
         cells = [f'{cell:<{width}}' for cell, width in zip(row, widths, strict=True)]
         print('  '.join(cells).rstrip())
+
+
+def _result(case: CaseResult) -> str:
+    parts = ['pass' if case.passed else 'FAIL']
+    if not case.metrics.get('stable'):
+        parts.append('not stable')
+    if case.metrics.get('external'):
+        parts.append(f'external: {" ".join(case.metrics["external"])}')
+    return ', '.join(parts)
 
 
 def _short(value: Any) -> Any:

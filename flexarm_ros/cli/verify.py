@@ -47,7 +47,7 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--without', action='append', default=[], choices=NODES, metavar='NODE',
-        help="NODE was somebody else's: take its messages as they are; repeats",
+        help='NODE was external: take its messages as they are; repeats',
     )  # fmt: skip
     add_bag_options(parser)
 

@@ -25,6 +25,7 @@ What rounding alone may put between a point and its joint angles is no error.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 import math
 from typing import Any
 
@@ -48,9 +49,15 @@ _round_off = compiled(round_off)
 
 
 class Metrics:
-    """Accumulates rows in order of time; :meth:`result` may be asked at any point."""
+    """
+    Accumulates rows in order of time; :meth:`result` may be asked at any point.
 
-    def __init__(self, config: RunConfig) -> None:
+    ``external``: roles of external nodes.  The direction switches of an external trajectory are
+    not known, and so no overshoots.
+    """
+
+    def __init__(self, config: RunConfig, external: Collection[str] = ()) -> None:
+        self._switches_known = 'trajectory' not in external
         timeline = Timeline.of(config.run)
         self._period_ns, self._end_ns = timeline.period_ns, timeline.duration_ns
         self._path, self._lengths = make_path(config), config.plant.length
@@ -83,7 +90,7 @@ class Metrics:
 
     def _switch(self, index: int) -> Switch | None:
         """Return the switch ``index`` of the run, ``None`` past its end."""
-        switch = self._path.switch(index)
+        switch = self._path.switch(index) if self._switches_known else None
         return switch if switch is not None and switch.time_ns < self._end_ns else None
 
     def _watch_corners(self, block: FloatArray) -> None:

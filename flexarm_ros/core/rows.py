@@ -21,6 +21,9 @@ that the two agree bit for bit.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+import math
+
 from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.control import gain_of
@@ -40,10 +43,17 @@ Row = tuple[float, ...]
 
 
 class Rows:
-    """Makes the rows of one run."""
+    """
+    Makes the rows of one run.
 
-    def __init__(self, config: RunConfig) -> None:
+    ``external``: roles of external nodes.  Lambda is our controller's, nan beside an external
+    one; the reference is that of an external trajectory as it was published.
+    """
+
+    def __init__(self, config: RunConfig, external: Collection[str] = ()) -> None:
         self._config = config
+        self._own_law = 'controller' not in external
+        self._own_reference = 'trajectory' not in external
         self._agenda = Agenda(config.changes)
         self._period_ns = Timeline.of(config.run).period_ns
         self._reference = Reference(config)
@@ -60,24 +70,26 @@ class Rows:
         deflection: tuple[float, float],
         measured: tuple[float, float],
         torque: tuple[float, float],
+        published: tuple[float, float] = (math.nan, math.nan),
     ) -> Row:
         """
         Return the row of tick ``k`` in the order of :data:`COLUMNS`.
 
         ``q``, ``qd`` ``(n,)``: plant coordinates and rates; ``deflection``:
         delta1, delta2 (m); ``measured``: x, y of the sensed point as delivered
-        (m); ``torque``: tau1, tau2 (N m).
+        (m); ``torque``: tau1, tau2 (N m); ``published``: x, y of the reference as
+        recorded, which counts if the trajectory was external.
         """
         if k >= self._agenda.next:  # lambda depends on kn
             for change in self._agenda.due(k):
                 self._config = changed(self._config, change)
-        reference = self._reference.at(k)
+        reference = self._reference.at(k) if self._own_reference else published
         joints_and_points = outline(q, qd, *self._lengths, *self._shapes)
         th1, th2, dth1, dth2 = joints_and_points[:4]
         return (
             k * self._period_ns / NS_PER_S, th1, th2, dth1, dth2, *deflection,
             *joints_and_points[4:], *measured, reference[0], reference[1], *torque,
-            gain_of(self._config, *deflection),
+            gain_of(self._config, *deflection) if self._own_law else math.nan,
         )  # fmt: skip
 
 

@@ -33,6 +33,8 @@ def write_junit(result: SuiteResult, path: Path) -> None:
             continue
         _fail(added, [o.text for o in case.outcomes if not o.holds])
         lines = [f'mode: {case.case.mode}', f'directory: {case.directory}']
+        if case.metrics.get('external'):
+            lines.append(f'external: {", ".join(case.metrics["external"])}')
         if case.metrics.get('error'):
             lines.append(f'ended with: {case.metrics["error"]}')
         _say(added, lines + [o.text for o in case.outcomes])

@@ -56,8 +56,8 @@ class RunOptions:
     ``rtf`` holds the run to a multiple of real time (0: as the scenario says);
     ``attended``: the scenario's ``start_paused`` holds, since somebody can let the run begin;
     ``namespace`` is that of all nodes, as ``/left``, empty for none;
-    ``domain`` is None for a free one; ``without`` lists roles that somebody
-    else's nodes fill, ``nodes`` those whose command is given: started with the
+    ``domain`` is None for a free one; ``without`` lists roles that external
+    nodes fill, ``nodes`` those whose command is given: started with the
     others, ended with the run; ``discovery`` is ROS_AUTOMATIC_DISCOVERY_RANGE.
     """
 
@@ -109,7 +109,8 @@ def run_scenario(
     """
     check_commands(options.nodes)
     with reserved_domain(options.domain) as domain:
-        prepare_directory(directory, config, name)
+        external = (*options.without, *options.nodes)
+        prepare_directory(directory, config, name, external)
         announce(f'ROS_DOMAIN_ID={domain}')
         if config.pace.start_paused and options.attended:
             go_on = how_to_go_on(f'{options.namespace}/plant')
@@ -121,11 +122,16 @@ def run_scenario(
             scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
         ) as nodes:  # fmt: skip
             interrupted = _supervise(nodes, config, watch, stop, faults)
-    return finish(directory, config, name, nodes, interrupted)
+    return finish(directory, config, name, nodes, interrupted, external)
 
 
 def finish(
-    directory: Path, config: RunConfig, name: str, nodes: RunWatch, interrupted: bool
+    directory: Path,
+    config: RunConfig,
+    name: str,
+    nodes: RunWatch,
+    interrupted: bool,
+    external: Sequence[str] = (),
 ) -> Outcome:
     """Write what is left to write when all nodes have ended; return how the run went."""
     outcome = Outcome(directory, problem=nodes.blame(interrupted), interrupted=interrupted)
@@ -138,6 +144,7 @@ def finish(
         outcome.summary = finish_run(
             directory, config, name, wall_s=wall_s, problem=outcome.problem,
             unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
+            external=external,
         )  # fmt: skip
     except BagError as error:  # a full disk, say: why the run ended is told nevertheless
         raise BagError('; '.join(filter(None, (outcome.problem, str(error))))) from None

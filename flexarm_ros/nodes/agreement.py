@@ -62,10 +62,11 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
 
 def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
     """
-    Return the scenario that the nodes tell, for somebody who has none; ``own`` fills gaps.
+    Return the scenario that the nodes tell, for a viewer that has none; ``own`` fills gaps.
 
     ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
-    travel in no status: the law then counts as one without lambda.
+    travel in no status, an external controller tells nothing: the law then counts as one
+    without lambda.
     """
     try:
         common = _section(RunParameters, json.loads(told['plant'][1])['run'])
@@ -75,6 +76,8 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
             told = {**told, 'controller': (told['controller'][0], json.dumps(law))}
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise Disagreement('what the nodes tell is no scenario') from None
+    if not law:
+        own = replace(own, controller=replace(own.controller, law='pd', torque_file=None))
     return merge_sections(replace(own, run=common), told)
 
 

@@ -105,7 +105,7 @@ class Diagnostics:
         found = {}
         for role in membership.required():
             status = membership.status_of(role)
-            state = "somebody else's node" if role in membership.foreign else 'missing'
+            state = 'external' if role in membership.foreign else 'missing'
             if status is not None:
                 state = f'{status.phase.value} ({status.node})'
             found[f'participant {role}'] = state

@@ -42,7 +42,7 @@ A case with a ``grid`` becomes one case a combination, named ``fls[latency=0.001
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from flexarm_ros.core.parameters import RunConfig
@@ -134,6 +134,8 @@ class Suite:
     cases: tuple[Case, ...]
     compare: tuple[Comparison, ...] = ()
     claims: tuple[Claim, ...] = ()
+    paper: bool = False
+    """Whether its claims are the paper's, about our own nodes: it is the shipped one."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,9 @@ def load(path_or_name: str | Path) -> Suite:
     """
     path = find(path_or_name, shipped_suites())
     text = read_text(path, MAX_BYTES)
-    return from_text(text, path.stem, path.resolve().parent, first_comment(path))
+    suite = from_text(text, path.stem, path.resolve().parent, first_comment(path))
+    paper = shipped_suites().get('paper')
+    return replace(suite, paper=paper is not None and path.resolve() == paper.resolve())
 
 
 def from_text(text: str, name: str, directory: Path, description: str = '') -> Suite:

@@ -16,19 +16,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.rclyaml import write
 from flexarm_ros.scenario.reader import FIELD_OF
 
+UNUSED = {
+    'tip_sensor': ('measurand', 'latency', 'latency_model', 'noise_std'),
+    'trajectory': ('delay',),
+}
+"""Role -> keys that only its node reads; of a role that is not here all.
 
-def to_dict(config: RunConfig) -> dict[str, dict[str, Any]]:
+The controller reads where the tip sensor is and how often it answers, the plant where the
+trajectory starts.
+"""
+
+_BELIEVE_LATENCY = ('lqg', 'adaptive')
+"""Laws that read the tip sensor's latency for their model of it."""
+
+
+def to_dict(config: RunConfig, external: Collection[str] = ()) -> dict[str, dict[str, Any]]:
     """
     Return ``{section: {key: value}}`` of every parameter, ``None`` where left out.
 
     The run's own section is ``/**``; arrays are lists.  ``from_dict`` undoes it (the rows
-    of a torque file travel apart, as ``config.torques``).
+    of a torque file travel apart, as ``config.torques``).  Parameters that no node reads beside
+    the ``external`` ones (roles) are left out: a section, or keys of it.
     """
     data: dict[str, dict[str, Any]] = {}
     for section, cls in SECTIONS.items():
@@ -37,7 +52,12 @@ def to_dict(config: RunConfig) -> dict[str, dict[str, Any]]:
         data[section] = {
             key: list(value) if isinstance(value, tuple) else value for key, value in keys.items()
         }
-    return data
+    planned = config.controller.law in _BELIEVE_LATENCY and 'controller' not in external
+    for role in external:
+        for key in UNUSED.get(role, tuple(data.get(role, ()))):
+            if not (planned and (role, key) == ('tip_sensor', 'latency')):
+                data[role].pop(key, None)
+    return {section: keys for section, keys in data.items() if keys}
 
 
 def dump(config: RunConfig, torque_file: str | None = None) -> str:
