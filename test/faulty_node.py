@@ -17,8 +17,9 @@ A node that does something bad at a tick: ``faulty_node.py ROLE FAULT TICK --ros
 
 FAULT: ``raise`` (an exception in the callback of a tick), ``exit`` (leaves with status 0 as if
 all were well), ``service`` (an exception in the callback of a service, as far as the node
-itself is concerned), ``import`` (dies before it is a node), ``linger`` (does not leave when it
-is done, as Fast DDS keeps one from it now and then).
+itself is concerned), ``nan`` (a controller's law gives no number), ``import`` (dies
+before it is a node), ``linger`` (does not leave when it is done, as Fast DDS keeps one from it now
+and then).
 """
 
 from __future__ import annotations
@@ -46,13 +47,8 @@ def faulty(kind: type[Any], role: str, fault: str, tick: int) -> type[Any]:
             super().check_end()
 
         def _strike(self) -> None:
-            if not self._strikes():
-                return
-            if fault == 'raise':
-                raise ZeroDivisionError('a fault on purpose')
-            if fault == 'exit':
-                raise SystemExit(0)
-            self.crashed = 'ZeroDivisionError: a fault on purpose'
+            if self._strikes():
+                strike(self, fault)
 
         def _strikes(self) -> bool:
             if role != 'trajectory':
@@ -61,6 +57,18 @@ def faulty(kind: type[Any], role: str, fault: str, tick: int) -> type[Any]:
             return self._reached.ticks > 0 and tick < self._reached.ticks + TICK_EVERY
 
     return Faulty
+
+
+def strike(node: Any, fault: str) -> None:
+    """Let the fault happen."""
+    if fault == 'raise':
+        raise ZeroDivisionError('a fault on purpose')
+    if fault == 'exit':
+        raise SystemExit(0)
+    if fault == 'nan':
+        node._law.torque = lambda *_: (float('nan'), 0.0)
+    else:
+        node.crashed = 'ZeroDivisionError: a fault on purpose'
 
 
 def main() -> int:

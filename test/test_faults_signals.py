@@ -332,6 +332,18 @@ def test_an_exception_in_a_service_ends_the_run(
     assert done.problem.endswith('in a service: ZeroDivisionError: a fault on purpose')
 
 
+def test_a_law_without_a_finite_torque_is_named_with_its_tick(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from faulttools import faulty_run
+    from flexarm_ros.bag.verify import verify
+
+    done = faulty_run(monkeypatch, tmp_path / 'run', 'controller', 'nan', 100)
+    assert done.problem == 'controller (fls): tick 100: torque at the shoulder is nan N m'
+    assert done.ticks == 100
+    assert verify(done.directory).same
+
+
 def alive(pid: int) -> bool:
     """Whether a process runs; one that has ended and waits for its parent does not."""
     try:

@@ -31,7 +31,7 @@ from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.scenario import suite
 from flexarm_ros.scenario.expect import Outcome
 
-_WALL_CLOCK = ('start_timeout', 'tick_timeout', 'on_invalid', 'record')
+_WALL_CLOCK = ('start_timeout', 'tick_timeout', 'on_invalid', 'record', 'clock_rate')
 """Keys of the whole run that no number depends on."""
 
 
@@ -119,4 +119,5 @@ def _numbers(config: RunConfig) -> RunConfig:
     """Return a scenario without the keys that no number depends on."""
     default = RunConfig()
     same = {key: getattr(default.run, key) for key in _WALL_CLOCK}
-    return replace(config, run=replace(config.run, **same), recorder=default.recorder)
+    run = replace(config.run, **same)
+    return replace(config, run=run, recorder=default.recorder, pace=default.pace)
