@@ -190,3 +190,41 @@ def test_a_node_that_was_never_found_in_the_graph_is_forgotten() -> None:
     board.source = lambda _: b''  # type: ignore[method-assign]
     board.forget_the_gone()
     assert not board.others
+
+
+def test_nodes_that_never_met_are_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the middleware loses a link while it makes it: the second start has another."""
+    apart = tmp_path / 'apart'
+    apart.touch()
+    monkeypatch.setenv('FLEXARM_TEST_APART', str(apart))
+    monkeypatch.setenv('PYTHONPATH', str(STANDIN.parent))
+    words = ('--set', 'duration=0.1', '--set', 'start_timeout=4', '--no-pictures', '--out')
+    run = subprocess.Popen(
+        [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'pd_tip', *words, tmp_path / 'run'],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    assert run.stdout is not None
+    said = []
+    for line in run.stdout:
+        said.append(line)
+        if 'starting the nodes again' in line:
+            apart.unlink()
+    assert run.wait(60) == 0, said
+    (again,) = [line for line in said if 'starting the nodes again' in line]
+    assert 'is not connected within 4 s (publishers found: /' in again
+    assert flexarm('verify', tmp_path / 'run').returncode == 0
+    logs = (tmp_path / 'run' / 'logs-first-start').glob('*.log')
+    assert any('not connected' in log.read_text() for log in logs)
+
+
+def test_nodes_are_started_again_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'apart').touch()
+    monkeypatch.setenv('FLEXARM_TEST_APART', str(tmp_path / 'apart'))
+    monkeypatch.setenv('PYTHONPATH', str(STANDIN.parent))
+    words = ('--set', 'duration=0.1', '--set', 'start_timeout=4', '--no-pictures', '--out')
+    done = flexarm('run', 'pd_tip', *words, tmp_path / 'run')
+    assert done.returncode == 1
+    assert done.stderr.count('starting the nodes again') == 1
+    assert done.stderr.count('is not connected within 4 s') == 2

@@ -178,4 +178,4 @@ def test_a_killed_recorder_can_lose_a_quarter_of_a_second(period_ns: int, ticks:
     ('value', 'text'), [(0.5, '0.5'), (1e-5, '1.0e-05'), (2.5e-7, '2.5e-07'), (1e6, '1000000.0')]
 )
 def test_a_speed_is_a_number_for_rcl_too(value: float, text: str) -> None:
-    assert run._number(value) == text
+    assert run._yaml(value) == text

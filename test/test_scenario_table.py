@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexarm_ros import scenario
-from flexarm_ros.core.parameters import SECTIONS, specs
+from flexarm_ros.core.parameters import PaceParameters, SECTIONS, specs
 from flexarm_ros.scenario import table
 import pytest
 
@@ -28,7 +28,8 @@ README = Path(__file__).resolve().parent.parent / 'README.md'
 
 def test_every_parameter_has_a_row_of_six_cells() -> None:
     rows = table.markdown().splitlines()[2:]
-    names = [f'`{section}.{key}`' for section, cls in SECTIONS.items() for key in specs(cls)]
+    sections = [*SECTIONS.items(), ('/**', PaceParameters)]
+    names = [f'`{section}.{key}`' for section, cls in sections for key in specs(cls)]
     assert [row.split(' | ')[0].removeprefix('| ') for row in rows] == names
     assert all(row.replace('\\|', '').count('|') == 7 for row in rows)
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 import contextlib
 from dataclasses import dataclass, field
 import json
@@ -144,6 +144,13 @@ class RunWatch:
     def failing(self) -> bool:
         """Whether a node has died or has said that the run failed."""
         return bool(self.deaths or self.report.failures)
+
+    def never_met(self, external: Collection[str]) -> bool:
+        """Whether the run did not begin because our own nodes were not brought together."""
+        if self.report.started_at is not None or self.deaths:
+            return False
+        told = [line for line in self.report.failures if line.get('never_met')]
+        return bool(told) and all(line['blame'] not in external for line in told)
 
     def breaking_off(self) -> None:
         """Note that the run is about to be broken off: what follows is caused by that."""

@@ -28,7 +28,7 @@ import time
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.recording import finish_run, prepare_directory
+from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
 from flexarm_ros.core.parameters import PaceParameters, RunConfig, specs
 from flexarm_ros.core.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
@@ -117,12 +117,23 @@ def run_scenario(
             announce(f'begins paused; to begin: ROS_DOMAIN_ID={domain} {go_on}')
         commands = _commands(config, name, directory, options, faults)
         environment, logs = _environment(domain, options), directory / 'logs'
-        with NodeProcesses(
-            commands, environment, logs, options.nodes,
-            scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
-        ) as nodes:  # fmt: skip
-            interrupted = _supervise(nodes, config, watch, stop, faults)
+        for again in (True, False):
+            with NodeProcesses(
+                commands, environment, logs, options.nodes,
+                scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
+            ) as nodes:  # fmt: skip
+                interrupted = _supervise(nodes, config, watch, stop, faults)
+            if not again or interrupted or not nodes.never_met(external):
+                break
+            announce(f'{nodes.blame()}; starting the nodes again')
+            _set_aside(directory, logs)
     return finish(directory, config, name, nodes, interrupted, external)
+
+
+def _set_aside(directory: Path, logs: Path) -> None:
+    """Keep what the nodes have said of a start that failed; remove the bag that they began."""
+    os.replace(logs, logs.with_name(f'{logs.name}-first-start'))
+    shutil.rmtree(directory / BAG, ignore_errors=True)
 
 
 def finish(

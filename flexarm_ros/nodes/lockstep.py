@@ -63,6 +63,10 @@ class RunFailed(Exception):
         self.told_by = told_by
 
 
+class NeverMet(RunFailed):
+    """The run did not begin, for the middleware did not bring its nodes together."""
+
+
 class Output:
     """One per-tick topic that this node publishes, as serialized bytes."""
 

@@ -27,7 +27,7 @@ from flexarm_ros.nodes.compatibility import connects, publisher_fault, shown, su
 from flexarm_ros.nodes.epochs import epoch_of, plant_of
 from flexarm_ros.nodes.graph import OUTPUT, READERS, readers, ROLES
 from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
-from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.lockstep import NeverMet, RunFailed
 from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
 from flexarm_ros.nodes.status import Board, heard_by, Phase, Status, TOPIC, TYPE
 from flexarm_ros.nodes.supervisor import interrupted
@@ -49,6 +49,8 @@ _COMPATIBLE_S = 0.2
 """Seconds between looks at the graph for endpoints that never connect."""
 _NAMELESS_S = 1.0
 """Seconds in which the graph tells the name of an endpoint's node, if it ever does."""
+_CONNECT_S = 15.0
+"""Seconds in which nodes that know of one another must be connected; it takes one at most."""
 _STRANGERS_S = 0.1
 """Seconds for which a look at the graph for publishers outside the run holds."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
@@ -239,7 +241,7 @@ class Membership:
         limit = self._me.config.run.start_timeout
         if self._since is not None and now - self._since > limit:
             names = ', '.join(missing)
-            raise RunFailed(missing[0], f'start: no {names} joined within {limit:g} s')
+            raise NeverMet(missing[0], f'start: no {names} joined within {limit:g} s')
 
     def _refuse_a_second_holder(self) -> None:
         """Leave if another node holds this role already, or held it when the run began."""
@@ -349,12 +351,29 @@ class Membership:
         if late is None:
             return True
         self._unmatched_since = now if self._unmatched_since is None else self._unmatched_since
-        waited, limit = now - self._unmatched_since, self._me.config.run.start_timeout
+        limit = min(_CONNECT_S, self._me.config.run.start_timeout)
+        waited = now - self._unmatched_since
         if waited > min(_NAMES_S, limit):
             self._check_names()
         if waited > limit:
-            raise RunFailed('', f'start: {late} is not connected within {limit:g} s')
+            raise NeverMet(
+                '', f'start: {late} is not connected within {limit:g} s{self._seen_of(late)}'
+            )
         return False
+
+    def _seen_of(self, topic: str) -> str:
+        """Return who publishes and reads ``topic`` in the graph, and what is connected of it."""
+        me, name = self._me, self._me.resolve_topic_name(topic)
+        said = []
+        if topic in me.inputs:
+            found = [node_of(e) for e in me.get_publishers_info_by_topic(name)]
+            count = me.inputs[topic].subscription.handle.get_publisher_count()
+            said.append(f'publishers found: {", ".join(found) or "none"}; connected: {count}')
+        if topic in me.outputs:
+            found = [node_of(e) for e in me.get_subscriptions_info_by_topic(name)]
+            count = me.outputs[topic].publisher.get_subscription_count()
+            said.append(f'readers found: {", ".join(found) or "none"}; connected: {count}')
+        return f' ({"; ".join(said)})' if said else ''
 
     def _check_names(self) -> None:
         """Raise RunFailed where nodes of one name cannot be told apart."""

@@ -27,7 +27,7 @@ from flexarm_ros.nodes.diagnostics import Diagnostics
 from flexarm_ros.nodes.epochs import Epochs
 from flexarm_ros.nodes.graph import reads
 from flexarm_ros.nodes.live import ChangesInput, LiveParameters
-from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, Output, RunFailed
+from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, NeverMet, Output, RunFailed
 from flexarm_ros.nodes.membership import Membership
 from flexarm_ros.nodes.own_parameters import OWN
 from flexarm_ros.nodes.parameters import declare_and_load, declare_own
@@ -428,8 +428,9 @@ class Participant(Node):
         who = f'{failure.blame}: ' if failure.blame else ''
         self.get_logger().error(f'{told}{who}{failure.reason}')
         self.supervisor.report(
-            self.ROLE, phase='failed', blame=failure.blame, text=failure.reason, tick=self.tick
-        )
+            self.ROLE, phase='failed', blame=failure.blame, text=failure.reason, tick=self.tick,
+            never_met=isinstance(failure, NeverMet),
+        )  # fmt: skip
         refused = self.membership.refused
         self.board.publish(
             phase=Phase.REFUSED if refused else Phase.FAILED,

@@ -38,6 +38,7 @@ from types import ModuleType
 from typing import Any
 
 VARIABLE = 'FLEXARM_TEST_MESSAGE_INFO'
+APART = 'FLEXARM_TEST_APART'
 _SALT = os.urandom(16)
 
 
@@ -67,6 +68,17 @@ def patch(subscription: Any, wanted: Sequence[str]) -> None:
     subscription.take_message = take_message
 
 
+def patch_count(subscription: Any) -> None:
+    """Let ``subscription`` show no publisher while the file named by `APART` is there."""
+    count: Callable[..., int] = subscription.get_publisher_count
+
+    def get_publisher_count(self: Any) -> int:
+        apart = os.environ.get(APART, '')
+        return 0 if apart and os.path.exists(apart) else count(self)
+
+    subscription.get_publisher_count = get_publisher_count
+
+
 class _AfterImport(MetaPathFinder):
     """Patches rclpy's subscriptions as soon as they are imported."""
 
@@ -85,6 +97,7 @@ class _AfterImport(MetaPathFinder):
             execute(module)
             implementation = sys.modules['rclpy.impl.implementation_singleton']
             patch(implementation.rclpy_implementation.Subscription, _wanted())
+            patch_count(implementation.rclpy_implementation.Subscription)
 
         spec.loader.exec_module = exec_module  # type: ignore[method-assign]
         return spec
@@ -94,5 +107,5 @@ def _wanted() -> list[str]:
     return os.environ.get(VARIABLE, '').split()
 
 
-if _wanted():
+if _wanted() or APART in os.environ:
     sys.meta_path.insert(0, _AfterImport())
