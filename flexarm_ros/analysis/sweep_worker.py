@@ -29,6 +29,7 @@ import threading
 from typing import Any
 
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.warned import allow_warnings
 
 Task = tuple[int, int, tuple[str, ...]]
 """Index of the run, number of its scenario, overrides."""
@@ -101,6 +102,7 @@ def start_worker(bases: Sequence[RunConfig], stop: Event) -> None:
     """Prepare a worker process: the scenarios, no signals of the terminal, one thread."""
     global _bases, _stop
     _bases, _stop = bases, stop
+    allow_warnings()
     os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'
     # Signals to the parent's process group, from a terminal above all, are for the parent alone.
     # To ignore SIGTERM instead will not do: since Python 3.12 a pool that has lost a process ends

@@ -33,8 +33,10 @@ import os
 from pathlib import Path
 import sys
 from typing import Any, NoReturn
+import warnings
 
 from flexarm_ros.cli import signals
+from flexarm_ros.core.warned import allow_warnings
 
 COMMANDS = {
     'list': ('listing', 'the shipped scenarios and suites'),
@@ -146,7 +148,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     streams = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (_Output(s) if s is not None else None for s in streams)
     try:
-        with signals.raising():
+        with warnings.catch_warnings(), signals.raising():
+            allow_warnings()
             return _guarded(words)
     except signals.Interrupted as stop:
         print(f'flexarm: stopped by {stop}', file=sys.stderr)

@@ -24,9 +24,9 @@ from typing import Any
 
 from flexarm_ros.analysis.spawning import spawn_context
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.warned import allow_warnings
 
 _LOOK_S = 0.1
 
@@ -74,6 +74,9 @@ def simulate_apart(
 def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name: str) -> None:
     """Simulate and tell of it until told to stop, or until nobody listens any more."""
     handle_ending(signal.SIG_IGN)  # signals reach the whole group: the launcher decides
+    allow_warnings()  # before what warns is imported
+    from flexarm_ros.bag.simulation import simulate
+
     try:
         summary = simulate(
             config, directory, name,

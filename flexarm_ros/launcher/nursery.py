@@ -39,8 +39,7 @@ import sys
 from typing import Any
 import warnings
 
-from flexarm_ros import scenario
-from flexarm_ros.core.warmup import warm_up
+from flexarm_ros.core.warned import allow_warnings
 
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _PR_SET_MM, _PR_SET_MM_MAP = 35, 14
@@ -92,6 +91,10 @@ def show_command(words: Sequence[str]) -> None:
 
 def main() -> int:
     """Do what the request on standard input asks for; a child goes on as its own command."""
+    allow_warnings()  # before anything else is imported
+    from flexarm_ros import scenario
+    from flexarm_ros.core.warmup import warm_up
+
     request = json.load(sys.stdin)
     show_command(sys.orig_argv)  # where it does not work nothing is forked
     for name in request['modules']:

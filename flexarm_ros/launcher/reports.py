@@ -28,6 +28,9 @@ from typing import Any
 
 from flexarm_ros.nodes.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
 
+_CRASHES = {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
+"""Signals that a process brings on itself, and may have said why."""
+
 
 @dataclass
 class Report:
@@ -185,7 +188,9 @@ class RunWatch:
         tick = max(self.report.tick, self.report.held)  # the recorder reports late
         when = f'tick {tick}: ended' if begun else 'start: ended'
         if status < 0:
-            return f'{name}: {when}, killed by {signal.Signals(-status).name}'
+            number = signal.Signals(-status)
+            words = self._last_words(name) if number in _CRASHES else ''
+            return f'{name}: {when}, killed by {number.name}{words}'
         return f'{name}: {when} with exit status {status}{self._last_words(name)}'
 
     def _last_words(self, name: str) -> str:

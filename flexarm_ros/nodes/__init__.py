@@ -18,6 +18,8 @@ from __future__ import annotations
 
 import sys
 
+from flexarm_ros.core.warned import allow_warnings
+
 
 def main(name: str, argv: list[str] | None = None) -> int:
     """
@@ -26,6 +28,7 @@ def main(name: str, argv: list[str] | None = None) -> int:
     Returns the exit status: 0 done, 1 the run failed, 2 a bad scenario or
     command line, 130, 143 or 129 after a signal.
     """
+    allow_warnings()  # before anything else is imported
     from flexarm_ros.nodes.process import run_process
 
     return run_process(name, sys.argv[1:] if argv is None else argv)

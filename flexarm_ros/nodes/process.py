@@ -23,6 +23,7 @@ import os
 import signal
 import sys
 import threading
+import traceback
 from typing import Any
 
 from flexarm_ros.core.ending import handle_ending
@@ -86,16 +87,22 @@ def run_process(name: str, argv: list[str]) -> int:
     except Exception as error:  # rcl reports a bad command line or parameter file so
         print(f'{name}: {_first_line(error)}', file=sys.stderr)
         return 2
+    supervisor = Supervisor()
     try:
-        return _run(_composed(argv) if name == COMPOSE else [name], argv)
+        return _run(_composed(argv) if name == COMPOSE else [name], argv, supervisor)
     except ScenarioError as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
     except _rclpy.RCLError as error:  # DDS-Security asked for where Fast DDS has none, say
         print(f'{name}: {" ".join(str(error).split())[:400]}', file=sys.stderr)
         return 1
+    except Exception as error:
+        traceback.print_exc()
+        supervisor.report(name, phase='failed', blame=name, text=describe(error))
+        return 1
     finally:
         with leaving():
+            gc.collect()  # a node that was half made: destroyed at exit it ends in SIGSEGV
             rclpy.try_shutdown()
 
 
@@ -105,8 +112,7 @@ def _composed(argv: list[str]) -> list[str]:
     return [name for name in CLASSES if name in words] or list(CLASSES)
 
 
-def _run(names: list[str], argv: list[str]) -> int:
-    supervisor = Supervisor()
+def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     if names == ['recorder']:
         os.nice(_RECORDER_NICE)
     nodes = [_make(name, argv, supervisor) for name in names]
