@@ -42,8 +42,7 @@ def chosen_domain(given: int | None) -> int | None:
         environment.enforce_security()
     except environment.EnvironmentRefused as error:
         raise UsageError(str(error)) from None
-    note = environment.discovery_note()
-    if note:
+    for note in environment.environment_notes():
         print(note, file=sys.stderr)
     return domain
 

@@ -89,9 +89,6 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     space = namespace.checked(args.namespace)
     os.environ['ROS_DOMAIN_ID'] = str(domain.chosen_domain(args.domain) or 0)
-    from flexarm_ros.nodes.middleware import prepare
-
-    prepare()
     values = {
         'bag': json.dumps(str(Path(args.run).resolve())),
         'rate': repr(args.rate),

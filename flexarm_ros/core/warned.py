@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from typing import Any
 import warnings
 
 
@@ -26,8 +27,8 @@ def allow_warnings() -> None:
     ``PYTHONWARNINGS=error`` is meant for a user's own code.  The dependencies warn too, in the
     middle of an import or of a call from C, where an exception ends a node.
     """
-    filters = [
+    filters: Any = [
         ('default' if action == 'error' else action, *rest) for action, *rest in warnings.filters
     ]
     warnings.resetwarnings()  # makes Python forget what it has decided for each module
-    warnings.filters[:] = filters
+    warnings.filters = filters

@@ -228,6 +228,7 @@ def _start_foreign(
     env = {key: value for key, value in env.items() if key != 'PYTHONPATH'}
     if 'PYTHONPATH' in os.environ:
         env['PYTHONPATH'] = os.environ['PYTHONPATH']
+    env['ROS_LOG_DIR'] = env.get('ROS_LOG_DIR') or str(log_file.parent.absolute())
     with open(log_file, 'wb') as log:
         return subprocess.Popen(
             command, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,

@@ -35,6 +35,7 @@ from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProcesses
 from flexarm_ros.launcher.reports import RunWatch
+from flexarm_ros.nodes.environment import log_directory
 from flexarm_ros.nodes.own_parameters import how_to_go_on
 
 ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
@@ -249,6 +250,7 @@ def _environment(domain: int, options: RunOptions) -> dict[str, str]:
         **os.environ,
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': options.discovery,
+        'ROS_LOG_DIR': log_directory(),  # a path that does not depend on where a node starts
         'PYTHONPATH': os.pathsep.join(p for p in sys.path if p),
     }
 

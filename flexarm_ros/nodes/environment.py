@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 import re
+import tempfile
 
 _DOMAIN = re.compile(r'\s*\+?(0|[1-9][0-9]{0,2})', re.ASCII)
 _LAST_DOMAIN = 232
@@ -61,9 +62,34 @@ def environment_domain() -> int | None:
         raise EnvironmentRefused(f'ROS_DOMAIN_ID={error}') from None
 
 
-def discovery_note() -> str:
-    """Return a line where discovery depends on a server, which may not run; else nothing."""
-    server = os.environ.get('ROS_DISCOVERY_SERVER')
-    if not server:
+def wanted_log_directory() -> str:
+    """
+    Return the directory that the user has chosen for rcl's log files, empty if none.
+
+    It is found as rcl does, except that ``~/.ros/log`` is not a choice of the user's.
+    """
+    home = os.environ.get('ROS_HOME')
+    chosen = os.environ.get('ROS_LOG_DIR') or (os.path.join(home, 'log') if home else '')
+    return os.path.abspath(os.path.expanduser(chosen)) if chosen else ''
+
+
+def log_directory() -> str:
+    """Return `wanted_log_directory`, empty where nothing can be written there."""
+    wanted = wanted_log_directory()
+    try:
+        if wanted:
+            os.makedirs(wanted, exist_ok=True)
+            tempfile.TemporaryFile(dir=wanted).close()
+    except (OSError, ValueError):
         return ''
-    return f'ROS_DISCOVERY_SERVER={server}: nodes find each other through it only'
+    return wanted
+
+
+def environment_notes() -> list[str]:
+    """Return a line for each variable that makes a run behave in an unusual way."""
+    notes = []
+    if server := os.environ.get('ROS_DISCOVERY_SERVER'):
+        notes.append(f'ROS_DISCOVERY_SERVER={server}: nodes find each other through it only')
+    if (wanted := wanted_log_directory()) and not log_directory():
+        notes.append(f'{wanted}: cannot be written: no log files there (ROS_LOG_DIR, ROS_HOME)')
+    return notes

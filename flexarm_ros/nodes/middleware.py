@@ -26,8 +26,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ament_index_python.packages import get_package_share_path
+from flexarm_ros.nodes.environment import log_directory
 from flexarm_ros.nodes.identity import gid_of, node_of
 import rclpy
+from rclpy.signals import SignalHandlerOptions
 
 PROFILES = {
     3: ('FASTDDS_DEFAULT_PROFILES_FILE', 'fastdds.xml'),
@@ -62,6 +64,21 @@ def prepare() -> None:
     if not users and not Path(_USERS_LOCAL).exists():
         variable, file = PROFILES[fastdds_version()]
         os.environ[variable] = str(_ASSETS / file)
+
+
+def start(name: str, argv: list[str]) -> None:
+    """
+    Initialise rclpy for a process ``name`` with a ROS command line; ValueError in one line.
+
+    What a node logs goes to its standard error.  rcl keeps a file of it as well, in ``~/.ros/log``
+    by default: here only where the user has chosen a directory that can be written.
+    """
+    prepare()
+    quiet = [] if log_directory() else ['--ros-args', '--disable-external-lib-logs', '--']
+    try:
+        rclpy.init(args=[name, *quiet, *argv], signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rcl reports a bad command line or parameter file so
+        raise ValueError((str(error).strip() or type(error).__name__).splitlines()[0]) from None
 
 
 def fastdds_version() -> int:

@@ -38,6 +38,7 @@ from flexarm_ros.nodes.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class, qos_profile
 from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.nodes.middleware import start
 from flexarm_ros.nodes.pace import Pace
 from flexarm_ros.nodes.player_options import declare, number, PlayerError, PlayerOptions
 from flexarm_ros.nodes.standin import ControllerSeat
@@ -47,7 +48,6 @@ from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 _UNACKED = 250
@@ -258,9 +258,9 @@ def play(argv: list[str]) -> int:
     bad usage, before anything is published; 130, 143 or 129 after a signal.
     """
     try:
-        rclpy.init(args=['player', *argv], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl reports a bad command line or parameter file so
-        return _complain(str(error).strip().splitlines()[0] if str(error).strip() else error, 2)
+        start('player', argv)
+    except ValueError as error:
+        return _complain(error, 2)
     executor = SingleThreadedExecutor()
     services = threading.Thread(target=_serve, args=(executor,), daemon=True)
     node = None

@@ -28,14 +28,14 @@ from typing import Any
 
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.nodes.environment import (
-    discovery_note,
     enforce_security,
     environment_domain,
+    environment_notes,
     EnvironmentRefused,
 )
 from flexarm_ros.nodes.leaving import leaving
 from flexarm_ros.nodes.lockstep import connect, spin
-from flexarm_ros.nodes.middleware import prepare
+from flexarm_ros.nodes.middleware import start
 from flexarm_ros.nodes.participant import describe, Participant
 from flexarm_ros.nodes.supervisor import Supervisor
 from flexarm_ros.scenario import ScenarioError
@@ -43,7 +43,6 @@ import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.signals import SignalHandlerOptions
 
 CLASSES = {
     'plant': 'PlantNode',
@@ -67,8 +66,7 @@ def run_process(name: str, argv: list[str]) -> int:
     except EnvironmentRefused as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
-    note = discovery_note()
-    if note:
+    for note in environment_notes():
         print(note, file=sys.stderr)
     if name == 'player':
         from flexarm_ros.nodes.player import play
@@ -81,11 +79,10 @@ def run_process(name: str, argv: list[str]) -> int:
     if name not in CLASSES and name != COMPOSE:
         print(f'no node {name}: {", ".join([*CLASSES, "player", "viewer"])}', file=sys.stderr)
         return 2
-    prepare()
     try:
-        rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl reports a bad command line or parameter file so
-        print(f'{name}: {_first_line(error)}', file=sys.stderr)
+        start(name, argv)
+    except ValueError as error:
+        print(f'{name}: {error}', file=sys.stderr)
         return 2
     supervisor = Supervisor()
     try:
@@ -170,7 +167,3 @@ class _Signals:
         self.status = 128 + number
         for node in self._nodes:
             node.interrupted += 1
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

@@ -37,6 +37,7 @@ from flexarm_ros.nodes.agreement import Disagreement, told_config
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.graph import message_class
 from flexarm_ros.nodes.leaving import leaving
+from flexarm_ros.nodes.middleware import start
 from flexarm_ros.nodes.own_parameters import OWN
 from flexarm_ros.nodes.parameters import declare_own, given_parameters
 from flexarm_ros.nodes.view_foxglove import FoxgloveView, ViewError
@@ -46,7 +47,6 @@ from rcl_interfaces.msg import ParameterEvent
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = QoSProfile(
@@ -150,9 +150,9 @@ class ViewerNode(Node):
 def view(argv: list[str]) -> int:
     """Run the viewer until a signal; 130, 143 or 129 then, 2 where it cannot be."""
     try:
-        rclpy.init(args=['viewer', *argv], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl reports a bad command line so
-        print(f'viewer: {str(error).strip().splitlines()[0]}', file=sys.stderr)
+        start('viewer', argv)
+    except ValueError as error:
+        print(f'viewer: {error}', file=sys.stderr)
         return 2
     caught = 0
     try:
