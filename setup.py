@@ -74,7 +74,8 @@ REQUIREMENTS = [
 # script from elsewhere.
 DOCS = ['furo', 'latex2mathml', 'myst-parser', 'sphinx']
 # What `import flexarm_ros` can hand its results to.
-NOTEBOOK = ['control', 'gymnasium', 'pandas', 'xarray']
+GYMNASIUM = 'gymnasium>=1.0'
+NOTEBOOK = ['control', GYMNASIUM, 'pandas', 'xarray']
 
 # The live view: the WebSocket server that Foxglove and Lichtblick connect to.
 VIEW = ['foxglove-sdk']
@@ -107,7 +108,7 @@ EXTRAS = {
     'pandas': ['pandas'],
     'xarray': ['xarray'],
     'control': ['control'],
-    'gymnasium': ['gymnasium'],
+    'gymnasium': [GYMNASIUM],
     'dask': ['distributed'],
     'parquet': ['pyarrow'],
     'colcon': ['colcon-common-extensions'],

@@ -30,6 +30,8 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
+from flexarm_ros.api.gymnasium_ids import register_ids
+
 if TYPE_CHECKING:
     from flexarm_ros.api.environment import FlexArmEnv
     from flexarm_ros.api.linear import linear_law, linearize
@@ -79,3 +81,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+register_ids()

@@ -18,21 +18,19 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexarm_ros.api.episode import changed, Episode
 from flexarm_ros.api.extras import extra
-from flexarm_ros.api.numbers import finite_array, within
-from flexarm_ros.api.simulation import configure, Scenario
+from flexarm_ros.api.numbers import within
+from flexarm_ros.api.simulation import Scenario
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.kinematics import rigid_point
-from flexarm_ros.core.parameters import RunConfig, Spec
-from flexarm_ros.core.plant import instability, make_plant
-from flexarm_ros.core.sensors import Encoder, TipSensor
+from flexarm_ros.core.parameters import Spec
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.core.trajectory import Reference
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 with extra('gymnasium'):
     import gymnasium
+    from gymnasium.error import InvalidAction, ResetNeeded
 
 SEEDS = 2**31 - 1
 TORQUE = 1024.0
@@ -40,22 +38,24 @@ TORQUE = 1024.0
 
 HOLD_SPEC = Spec('int', 'ticks', '', low=1)
 TORQUE_SPEC = Spec('float', 'N m', '', low=0.0, low_open=True, high=1e9)
-ACTION = 'two finite numbers, clipped to -1 to 1'
 
 
 class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
     """
     A scenario whose controller is the agent.
 
+    ``gymnasium.make('flexarm_ros/Square-v0')`` makes one too, and takes the same arguments.
+
     Observation, shape ``(14,)``, as the nodes would deliver it at this tick, latency and noise
     included: encoder (theta1, theta2, their rates; rad, rad/s), tip sensor (x, y, vx, vy),
     reference (x, y, vx, vy), end deflections (delta1, delta2); m, m/s, frame ``base``.
 
-    Action, shape ``(2,)``, from -1 to 1: tau1 and tau2 as parts of ``torque`` N m, held for
-    ``hold`` ticks.  Reward: minus the mean distance, m, of the end effector (kinematics of the
-    joint angles, as ``rms_error``) from the reference over those ticks.  An arm that becomes
-    unstable ends the episode (terminated), and pays the larger ``plant.deflection_limit`` (5 m for
-    the paper's arm) for every step that is left; the scenario's duration truncates it.
+    Action, shape ``(2,)``, from -1 to 1 and clipped to that: tau1 and tau2 as parts of
+    ``torque`` N m, held for ``hold`` ticks.  Reward: minus the mean distance, m, of the end
+    effector (kinematics of the joint angles, as ``rms_error``) from the reference over those
+    ticks.  An arm that becomes unstable ends the episode (terminated), and pays the larger
+    ``plant.deflection_limit`` (5 m for the paper's arm) for every step that is left; the
+    scenario's duration truncates it.
 
     Parameters
     ----------
@@ -65,23 +65,31 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         Ticks an action is held for.
     torque
         N m of an action of 1; left out, ``controller.torque_limit``, or 1024 where that is 0.
+    render_mode
+        ``rgb_array``: :meth:`render` draws the arm.  Left out: it draws nothing.
     **changes
         Sections and values as for :func:`flexarm_ros.simulate`.
 
     """
 
-    metadata: dict[str, Any] = {'render_modes': []}
+    metadata: dict[str, Any] = {'render_modes': ['rgb_array'], 'render_fps': 100}
 
     def __init__(
         self, scenario: Scenario = 'fls_tip', hold: int = 10, torque: float | None = None,
-        **changes: Any,
+        render_mode: str | None = None, **changes: Any,
     ) -> None:  # fmt: skip
-        self._base = configure(scenario, **changes)
+        self._base = changed(scenario, changes)
         self._hold = int(within('hold', hold, HOLD_SPEC))
         limit = self._base.controller.torque_limit or TORQUE
         self._torque = limit if torque is None else within('torque', torque, TORQUE_SPEC)
+        self.render_mode = render_mode
+        if render_mode not in (None, 'rgb_array'):
+            raise ValueError(f'render_mode: {render_mode!r}, allowed: rgb_array or None')
+        step = self._hold * Timeline.of(self._base.run).period
+        self.metadata = {**self.metadata, 'render_fps': max(1, round(1 / step))}
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (14,), np.float64)
+        self._episode: Episode | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -90,59 +98,48 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         Start anew; the noise is drawn by ``seed``.
 
         ``options`` are sections and values as for :func:`flexarm_ros.simulate` that hold for this
-        episode: ``options={"plant": {"payload_mass": 1.5}}``.
+        episode: ``options={"plant": {"payload_mass": 1.5}}``.  Others raise ``ScenarioError``.
         """
         super().reset(seed=seed)
         noise = int(self.np_random.integers(SEEDS))
-        self._start(configure(self._base, **{'seed': noise, **(options or {})}))
-        return self._observe(), self._info()
+        self._episode = Episode(changed(self._base, {'seed': noise, **(options or {})}))
+        return self._episode.observe(), {'tick': 0}
 
-    def _start(self, config: RunConfig) -> None:
-        self._k, self._ticks = 0, Timeline.of(config.run).ticks
-        self._plant, self._reference = make_plant(config), Reference(config)
-        self._encoder, self._tip = Encoder(config), TipSensor(config)
-        self._lengths = config.plant.length
-        self._measure()
+    def step(self, action: ArrayLike) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
+        """
+        Hold the torques for ``hold`` ticks.
 
-    def step(
-        self, action: NDArray[np.floating[Any]]
-    ) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
-        """Hold the torques for ``hold`` ticks; ``ValueError`` for an action that is not finite."""
-        parts = finite_array(f'action at tick {self._k}', action, (2,), ACTION)
-        tau1, tau2 = (float(part) * self._torque for part in np.clip(parts, -1.0, 1.0))
-        errors, unstable = [], None
-        for _ in range(min(self._hold, self._ticks - self._k)):
-            self._plant.step(tau1, tau2)
-            self._k += 1
-            unstable = instability(self._plant)
-            if unstable is not None:
-                break
-            self._measure()
-            errors.append(self._error())
-        truncated = unstable is None and self._k >= self._ticks
-        if unstable is None:
-            return self._observe(), -float(np.mean(errors)), False, truncated, self._info()
-        left = 1 + (self._ticks - self._k) // self._hold
-        info = {**self._info(), 'unstable': unstable}
-        return self._observe(), -max(self._plant.limits) * left, True, False, info
+        Raises ``gymnasium.error.ResetNeeded`` before the first reset and after an episode's end,
+        ``InvalidAction`` for an action that is not two numbers.
+        """
+        episode = self._begun('step')
+        if episode.ended:
+            raise ResetNeeded('step: the episode has ended; call reset first')
+        errors = episode.advance(self._torques(action), self._hold)
+        observed, info = episode.observe(), {'tick': episode.tick}
+        if episode.unstable is None:
+            return observed, -float(np.mean(errors)), False, episode.over, info
+        reward = -episode.limit * (1 + (episode.ticks - episode.tick) // self._hold)
+        return observed, reward, True, False, {**info, 'unstable': episode.unstable}
 
-    def _measure(self) -> None:
-        """Let the sensors answer this tick, as they must once a tick."""
-        q, qd = self._plant.q, self._plant.qd
-        encoder, tip = self._encoder.measure(self._k, q, qd), self._tip.measure(self._k, q, qd)
-        self._held = (*encoder[1:], *tip[1:])
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the arm and its reference as they are, shape ``(480, 480, 3)``."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render: make the environment with render_mode='rgb_array'")
+            return None
+        return self._begun('render').picture()
 
-    def _observe(self) -> FloatArray:
-        ends = self._plant.deflections()[:2]
-        values = np.array([*self._held, *self._reference.command(self._k), *ends])
-        return np.asarray(np.nan_to_num(values))
+    def _begun(self, call: str) -> Episode:
+        if self._episode is None:
+            raise ResetNeeded(f'{call}: no episode has begun; call reset first')
+        return self._episode
 
-    def _error(self) -> float:
-        """Return the distance of the rigid end effector from the undelayed reference, m."""
-        th1, th2 = self._plant.q[0], self._plant.q[1]
-        x, y, _, _ = rigid_point(*self._lengths, th1, th2, 0.0, 0.0)
-        target = self._reference.at(self._k)
-        return float(np.hypot(x - target[0], y - target[1]))
-
-    def _info(self) -> dict[str, Any]:
-        return {'tick': self._k}
+    def _torques(self, action: ArrayLike) -> FloatArray:
+        """Return an action's torques, N m."""
+        try:
+            given = np.asarray(action, float)
+        except (TypeError, ValueError):
+            given = np.full(2, np.nan)
+        if given.shape != (2,) or np.isnan(given).any():
+            raise InvalidAction(f'action: {action!r}, allowed: two numbers from -1 to 1')
+        return np.asarray(np.clip(given, -1.0, 1.0) * self._torque)

@@ -25,7 +25,10 @@ from typing import Any, TYPE_CHECKING
 from flexarm_ros.analysis import figures_style
 from flexarm_ros.analysis import report_runs as read
 from flexarm_ros.api.run import Run
+from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.rows import COLUMNS
+import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -129,3 +132,27 @@ def _shown(figure: Figure) -> Figure:
     held: Any = figure
     held._repr_png_ = png
     return figure
+
+
+def frame(
+    arm: FloatArray, elbow: int, target: FloatArray, reach: float, title: str
+) -> NDArray[np.uint8]:
+    """
+    Draw the arm at one instant and return the picture, shape ``(480, 480, 3)``.
+
+    ``arm`` are the points along it, shape ``(n, 2)``, the elbow number ``elbow``; ``target`` the
+    reference, x and y; ``reach`` the length of the whole arm; m, frame ``base``.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.8, 4.8), dpi=100)
+    canvas: Any = FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    axis.plot(arm[:, 0], arm[:, 1], color=figures_style.BLUE, linewidth=2.2)
+    axis.plot(*arm[[0, elbow]].T, 'o', color=figures_style.BLACK)
+    axis.plot(*target, '+', color=figures_style.ORANGE, markersize=12)
+    axis.set(xlim=(-1.1 * reach, 1.1 * reach), ylim=(-1.1 * reach, 1.1 * reach), aspect='equal')
+    axis.set(xlabel='x, m', ylabel='y, m', title=title)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()

@@ -1,0 +1,121 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The arm, its sensors and its task for one episode of an agent; Gymnasium is not needed."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+from flexarm_ros.api.pictures import frame
+from flexarm_ros.api.simulation import configure, Scenario
+from flexarm_ros.core.arm_line import ArmLine
+from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.kinematics import rigid_point
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.plant import instability, make_plant
+from flexarm_ros.core.sensors import Encoder, TipSensor
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.trajectory import Reference
+from flexarm_ros.scenario import ScenarioError
+import numpy as np
+from numpy.typing import NDArray
+
+CHANGES = tuple(
+    name for name in inspect.signature(configure).parameters if name not in ('scenario', 'torques')
+)
+"""What may be changed for the environment or for an episode; the torques are the agent's."""
+
+
+def changed(scenario: Scenario, changes: dict[str, Any]) -> RunConfig:
+    """Return the scenario with its changes; an unknown one raises ``ScenarioError``."""
+    for name in changes:
+        if name not in CHANGES:
+            raise ScenarioError(f'{name!r} is not known; allowed: {", ".join(CHANGES)}')
+    return configure(scenario, **changes)
+
+
+class Episode:
+    """
+    A scenario's closed loop without its controller.
+
+    ``tick`` of ``ticks`` have passed; ``unstable`` says of what the arm became unstable, or is
+    None.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        timeline = Timeline.of(config.run)
+        self.tick, self.ticks = 0, timeline.ticks
+        self.unstable: str | None = None
+        self._period, self._config = timeline.period, config
+        self._plant, self._reference = make_plant(config), Reference(config)
+        self._encoder, self._tip = Encoder(config), TipSensor(config)
+        self._measure()
+
+    @property
+    def limit(self) -> float:
+        """Return the larger ``plant.deflection_limit``, m."""
+        return max(self._plant.limits)
+
+    @property
+    def over(self) -> bool:
+        """Return whether every tick has passed."""
+        return self.tick >= self.ticks
+
+    @property
+    def ended(self) -> bool:
+        """Return whether nothing can follow: all ticks have passed, or the arm is unstable."""
+        return self.over or self.unstable is not None
+
+    def advance(self, torques: FloatArray, ticks: int) -> list[float]:
+        """Hold the torques ``(2,)``, N m; return the tracking error, m, after each stable tick."""
+        tau1, tau2 = (float(torque) for torque in torques)
+        errors: list[float] = []
+        for _ in range(min(ticks, self.ticks - self.tick)):
+            self._plant.step(tau1, tau2)
+            self.tick += 1
+            self.unstable = instability(self._plant)
+            if self.unstable is not None:
+                break
+            self._measure()
+            errors.append(self._error())
+        return errors
+
+    def observe(self) -> FloatArray:
+        """Return what the environment's agent sees, shape ``(14,)``, always finite."""
+        ends = self._plant.deflections()[:2]
+        values = np.array([*self._held, *self._reference.command(self.tick), *ends])
+        return np.asarray(np.nan_to_num(values))
+
+    def picture(self) -> NDArray[np.uint8]:
+        """Return the arm and its reference as they are, shape ``(480, 480, 3)``."""
+        line = ArmLine(self._config.plant)
+        points = np.nan_to_num(np.array(line.at(self._plant.q, self._plant.qd)))
+        target = np.array(self._reference.at(self.tick)[:2])
+        title = f't = {self.tick * self._period:.3f} s'
+        return frame(points, line.elbow, target, sum(self._config.plant.length), title)
+
+    def _measure(self) -> None:
+        """Let the sensors answer this tick, as they must once a tick."""
+        q, qd = self._plant.q, self._plant.qd
+        encoder, tip = self._encoder.measure(self.tick, q, qd), self._tip.measure(self.tick, q, qd)
+        self._held = (*encoder[1:], *tip[1:])
+
+    def _error(self) -> float:
+        """Return the distance of the rigid end effector from the undelayed reference, m."""
+        th1, th2 = self._plant.q[0], self._plant.q[1]
+        x, y, _, _ = rigid_point(*self._config.plant.length, th1, th2, 0.0, 0.0)
+        target = self._reference.at(self.tick)
+        return float(np.hypot(x - target[0], y - target[1]))
