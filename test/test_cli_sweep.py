@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import csv
 import json
+import math
 import os
 from pathlib import Path
 import shutil
@@ -28,7 +29,15 @@ import sys
 import time
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis import sweep_engine, sweep_worker
+from flexarm_ros.analysis import sweep_engine, sweep_pictures, sweep_worker
+from flexarm_ros.analysis.sweep_linear import (
+    analyse_grid,
+    BEST,
+    growth_rates,
+    Linear,
+    linear_table,
+    WORST,
+)
 from flexarm_ros.analysis.sweep_pictures import write_pictures
 from flexarm_ros.analysis.sweep_store import make_table, StoreError, SweepStore
 import flexarm_ros.cli as cli
@@ -241,3 +250,112 @@ def test_the_table_is_written_as_parquet_where_that_can_be(finished: Path) -> No
     assert [row['index'] for row in read] == list(range(COUNT))
     first = table(finished)[0]
     assert read[0]['max_error'] == float(first['max_error'])
+
+
+def analysed(text: str) -> tuple[sweeps.Sweep, Linear]:
+    made = sweeps.from_text(text, 'map', Path('.'))
+    linear = analyse_grid(made, 2, lambda: False)
+    assert linear is not None
+    return made, linear
+
+
+MAP = """
+scenario: [pd_tip, fls_tip]
+set: {duration: 16.0}
+grid:
+  tip_sensor.location: [9.0, 6.75]
+  tip_sensor.latency: [0.0, 0.02, 0.001]
+draw: {count: 3, parameters: {controller.kd: {factor: [0.1, 0.2]}}}
+"""
+
+
+def test_the_linear_boundary_is_that_of_the_stability_command() -> None:
+    made, linear = analysed(MAP)
+    assert linear.reasons() == [] and len(linear.rates) == made.points == 12
+    # docs/stability.md: crossing delays, ms, at the worst and at the best pose, 9 m and 6.75 m.
+    expected = {
+        (0, WORST): 6.84, (0, BEST): 13.0, (3, WORST): 13.5,
+        (6, WORST): 2.55, (6, BEST): 5.16, (9, WORST): 5.0, (9, BEST): 13.1,
+    }  # fmt: skip
+    for (place, which), crossing in expected.items():
+        part = linear.crossings[which][place + 1, place + 2]  # from 20 ms to 1 ms
+        assert 20.0 - 19.0 * part == pytest.approx(crossing, abs=0.1)
+    assert (4, 5) not in linear.crossings[BEST]  # 6.75 m: stable up to 30 ms at the best pose
+    rates = linear_table(made, linear)['worst_rate']
+    assert [rate > 0.0 for rate in rates] == [False, True, False] * 4
+    assert linear.ignored == ()
+
+
+def test_a_tied_parameter_follows_and_what_is_left_out_is_named() -> None:
+    text = """
+scenario: pd_tip
+set: {controller.torque_limit: 500.0}
+grid: {plant.hub_inertia: [8, [8, 9]], tip_sensor.latency: [0.0, 0.02]}
+tie: {trajectory.delay: tip_sensor.latency}
+"""
+    made, linear = analysed(text)
+    assert made.point(3)[1][-1] == 'trajectory.delay=0.02'
+    assert linear.ignored == ('controller.torque_limit', 'trajectory.delay')
+    assert len(linear.crossings[WORST]) == 2
+
+
+@pytest.mark.parametrize(
+    ('scenario_name', 'reason'),
+    [
+        ('open_loop', 'open_loop has no linear form'),
+        ('pd_tip', r'tip_sensor.latency: above 0.1 s'),
+    ],
+)
+def test_why_there_is_no_linear_boundary_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    scenario_name: str, reason: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path('map.yaml').write_text(
+        f'{{scenario: {scenario_name}, set: {{duration: 0.02}}, '
+        'grid: {plant.hub_inertia: [8, 9], tip_sensor.latency: [0.2, 0.3]}}'
+    )
+    drawn = []
+    monkeypatch.setattr(
+        sweep_pictures, 'save', lambda figure, out, stem: drawn.append(figure) or []
+    )
+    assert cli.main(['sweep', 'map.yaml', '--out', 'out']) == 0
+    shown = capsys.readouterr()
+    assert reason in shown.err and 'no linear boundary' in shown.err
+    assert '(stable: reached the end of its run)' in shown.out
+    with open('out/linear.csv', newline='') as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 4 and all(reason in row['note'] for row in rows)
+    said = [legend.get_title().get_text() for legend in drawn[0].legends]
+    assert reason in said[0]
+
+
+def test_a_law_whose_gains_change_with_the_time_has_no_boundary() -> None:
+    with pytest.raises(ValueError, match='lqg has gains that change with the time'):
+        growth_rates(scenario.load('lqg_smooth'))
+
+
+def test_the_picture_tells_what_was_survived_from_what_is_stable(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    made, linear = analysed(MAP)
+    rows = {
+        i: {'index': i, 'outcome': 'stable', 'stable': True, 'max_error': 0.1}
+        for i in range(made.count)
+    }
+    drawn = []
+    monkeypatch.setattr(
+        sweep_pictures, 'save', lambda figure, out, stem: drawn.append(figure) or []
+    )
+    write_pictures(made, make_table(made, rows), tmp_path, linear)
+    assert len(drawn) == 2
+    labels = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    assert 'flown: half of the runs reach their end' in labels
+    assert 'linear, at rest: boundary at the worst pose' in labels
+    pieces = [
+        line.get_xydata() for line in drawn[1].axes[0].lines
+        if line.get_linestyle() == '-' and len(line.get_xydata()) == 2
+    ]  # fmt: skip
+    ends = {tuple(map(float, end)) for piece in pieces for end in piece}
+    assert {round(x, 2) for x, _ in ends} == {6.75, 9.0}  # `pd_tip`, in order of name the second
+    assert any(math.isclose(y, 0.00684, abs_tol=1e-4) for x, y in ends if x == 9.0)

@@ -12,21 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures of a sweep: a map over two parameters with the stability boundary, or a curve."""
+"""
+Pictures of a sweep: a map over two parameters, or a curve.
+
+A map shows where runs survived, and beside it where the linear analysis has the loop stable.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import itertools
 from pathlib import Path
 from statistics import median
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_style import BLUE, drawing, GREY, new_figure, ORANGE, save
+from flexarm_ros.analysis.figures_style import (
+    BLUE,
+    drawing,
+    GREY,
+    new_figure,
+    ORANGE,
+    save,
+)
+from flexarm_ros.analysis.sweep_linear import BEST, Linear, WORST
 from flexarm_ros.analysis.sweep_store import Table
 from flexarm_ros.core.parameters import SECTIONS, specs
-from flexarm_ros.scenario.axes import Parameter
+from flexarm_ros.scenario.axes import numbers_in, Parameter
 from flexarm_ros.scenario.sweep import Sweep
 import numpy as np
 from numpy.typing import NDArray
@@ -41,21 +53,29 @@ _METRIC_UNITS = {'max_torque': 'N m', 'ticks': '', 'unstable_tick': ''}
 
 @dataclass(frozen=True)
 class _Cells:
-    """One picture's data: over x and y the median value of stable runs and the stable share."""
+    """
+    One picture's data over x and y.
+
+    The median value of the runs that survived, the share of those, and the number of the point.
+    """
 
     title: str
     x: list[float]
     y: list[float]
     value: NDArray[np.float64]
     share: NDArray[np.float64]
+    point: NDArray[np.int64]
 
 
-def write_pictures(sweep: Sweep, table: Table, out: Path) -> list[Path]:
+def write_pictures(
+    sweep: Sweep, table: Table, out: Path, linear: Linear | None = None
+) -> list[Path]:
     """
     Draw the sweep's map or curve, one picture for each point of the other axes.
 
-    Unstable runs have no colour; the line is where half of the runs are stable.  Nothing is
-    drawn for a sweep without a numeric axis.
+    Unstable runs have no colour; one line is where half of the runs reach their end, others where
+    the ``linear`` analysis has the loop unstable.  Nothing is drawn for a sweep without a numeric
+    axis.
     """
     plan = sweep.plan
     if plan is None or plan.value not in table:
@@ -67,7 +87,7 @@ def write_pictures(sweep: Sweep, table: Table, out: Path) -> list[Path]:
     with drawing():
         for key in keys[:MOST_PICTURES]:
             cells = _cells(sweep, table, dict(zip(others, key, strict=True)))
-            figure = _map_figure(sweep, cells) if plan.y else _curve_figure(sweep, cells)
+            figure = _map_figure(sweep, cells, linear) if plan.y else _curve_figure(sweep, cells)
             paths += save(figure, out, _stem(plan.value, sweep, key))
     return paths
 
@@ -89,8 +109,12 @@ def _cells(sweep: Sweep, table: Table, fixed: dict[str, str]) -> _Cells:
     for i in chosen:
         groups.setdefault((xs[i], ys[i]), []).append(i)
     value, share = np.full((len(y), len(x)), np.nan), np.full((len(y), len(x)), np.nan)
+    point = np.full((len(y), len(x)), -1)
     for (row, b), (column, a) in itertools.product(enumerate(y), enumerate(x)):
-        runs = [i for i in groups.get((a, b), []) if table['stable'][i] is not None]
+        here = groups.get((a, b), [])
+        if here:
+            point[row, column] = table['index'][here[-1]] // sweep.samples
+        runs = [i for i in here if table['stable'][i] is not None]
         if runs:
             share[row, column] = sum(map(bool, (table['stable'][i] for i in runs))) / len(runs)
         found = [table[plan.value][i] for i in runs if table['stable'][i]]
@@ -98,20 +122,20 @@ def _cells(sweep: Sweep, table: Table, fixed: dict[str, str]) -> _Cells:
         if known:
             value[row, column] = median(known)
     title = ', '.join(v if k == 'scenario' else f'{_short(k)} {v}' for k, v in fixed.items())
-    return _Cells(title, x, y, value, share)
+    return _Cells(title, x, y, value, share, point)
 
 
 def _positions(column: Sequence[Any]) -> list[float]:
     """Return where values are drawn; of an array of two the first one counts."""
-    return [float(str(v).strip('[]').split(',')[0]) for v in column]
+    return [numbers_in(str(v))[0] for v in column]
 
 
-def _map_figure(sweep: Sweep, cells: _Cells) -> Figure:
+def _map_figure(sweep: Sweep, cells: _Cells, linear: Linear | None) -> Figure:
     from matplotlib.colors import ListedColormap
 
     plan = sweep.plan
     assert plan is not None
-    figure = new_figure(6.4, 4.8)
+    figure = new_figure(6.4, 5.2)
     axis = figure.add_subplot()
     x, y = _edges(cells.x), _edges(cells.y)
     axis.grid(False)
@@ -120,16 +144,69 @@ def _map_figure(sweep: Sweep, cells: _Cells) -> Figure:
     mesh = axis.pcolormesh(x, y, cells.value, cmap='viridis_r')
     if np.isfinite(cells.value).any():
         figure.colorbar(mesh, ax=axis, label=_metric_label(plan.value))
-    _boundary(axis, cells)
+    _survived(axis, cells)
     axis.set(xlabel=_label(plan.x), ylabel=_label(plan.y), title=cells.title)
-    axis.plot([], [], 's', color='#d9d9d9', label='unstable')
-    axis.plot([], [], color=ORANGE, label='stability boundary')
-    axis.legend(loc='upper center', bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
+    axis.plot([], [], 's', color='#d9d9d9', label='flown: unstable within the run')
+    axis.plot([], [], color=ORANGE, label='flown: half of the runs reach their end')
+    note = _linear(axis, cells, linear) if linear is not None else ''
+    figure.legend(loc='outside lower center', ncols=2, frameon=False, title=note or None)
     return figure
 
 
-def _boundary(axis: Axes, cells: _Cells) -> None:
-    """Draw where the share of stable runs passes a half: along the cells' edges."""
+def _linear(axis: Axes, cells: _Cells, linear: Linear) -> str:
+    """Draw where the loop about rest becomes unstable; return what there is to say about it."""
+    limits = axis.get_xlim(), axis.get_ylim()
+    points = [int(point) for point in cells.point.ravel() if point >= 0]
+    if any(point in linear.rates for point in points):
+        for which, dashes, text in ((WORST, '-', 'the worst pose'), (BEST, ':', 'the best pose')):
+            for ends in _crossed(cells, linear.crossings[which]):
+                axis.plot(*zip(*ends, strict=True), color=BLUE, linewidth=2.0, linestyle=dashes)
+            label = f'linear, at rest: boundary at {text}'
+            axis.plot([], [], color=BLUE, linestyle=dashes, label=label)
+        axis.plot([], [], 'x', color=BLUE, markersize=3, label='linear: unstable at some pose')
+    for row, column in zip(*np.nonzero(cells.point >= 0), strict=True):
+        rates = linear.rates.get(int(cells.point[row, column]))
+        if rates is not None and rates[WORST] > 0.0:
+            axis.plot(cells.x[column], cells.y[row], 'x', color=BLUE, markersize=3)
+    axis.set(xlim=limits[0], ylim=limits[1])
+    reasons = {linear.notes[point]: None for point in points if point in linear.notes}
+    if linear.refused:
+        reasons = {linear.refused: None}
+    said = [f'no linear boundary: {reason}' for reason in reasons]
+    if linear.ignored:
+        said.append(f'not in the linear analysis: {", ".join(linear.ignored)}')
+    return '\n'.join(said)
+
+
+Place = tuple[float, float]
+
+
+def _crossed(cells: _Cells, crossings: dict[tuple[int, int], float]) -> Iterator[list[Place]]:
+    """Yield the pieces of a boundary: within each square of points, from side to side."""
+    rows, columns = cells.point.shape
+    for row, column in np.ndindex(rows - 1, columns - 1):
+        corners = [(row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column)]
+        sides = zip(corners, [*corners[1:], corners[0]], strict=True)
+        found = [_on_side(cells, crossings, *side) for side in sides]
+        ends = [place for place in found if place is not None]
+        yield from (ends[i : i + 2] for i in range(0, len(ends) - 1, 2))
+
+
+def _on_side(
+    cells: _Cells, crossings: dict[tuple[int, int], float],
+    first: tuple[int, int], second: tuple[int, int],
+) -> Place | None:  # fmt: skip
+    """Return where a boundary crosses the side between two neighbours, row and column each."""
+    one, other = sorted((first, second), key=lambda corner: int(cells.point[corner]))
+    part = crossings.get((int(cells.point[one]), int(cells.point[other])))
+    if part is None:
+        return None
+    start, end = ((cells.x[column], cells.y[row]) for row, column in (one, other))
+    return start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])
+
+
+def _survived(axis: Axes, cells: _Cells) -> None:
+    """Draw where the share of runs that reach their end passes a half: along the cells' edges."""
     stable = cells.share >= 0.5
     known = np.isfinite(cells.share)
     x, y = _edges(cells.x), _edges(cells.y)
@@ -167,7 +244,7 @@ def _curve_figure(sweep: Sweep, cells: _Cells) -> Figure:
     for place, share in zip(cells.x, cells.share[0], strict=True):
         if share < 0.5:
             axis.axvline(place, color=GREY, linewidth=0.8, alpha=0.6)
-    axis.plot([], [], color=GREY, linewidth=0.8, label='unstable')
+    axis.plot([], [], color=GREY, linewidth=0.8, label='unstable within the run')
     axis.set(xlabel=_label(plan.x), ylabel=_metric_label(plan.value), title=cells.title)
     axis.legend()
     return figure

@@ -133,10 +133,15 @@ class SweepStore:
     def write(self) -> tuple[Table, list[Path]]:
         """Write the table and return it and its files; Parquet where pyarrow is installed."""
         table = make_table(self._sweep, self.rows)
-        path = self.directory / TABLE
-        _replace(path, csv_text(table))
+        path = self.write_table(TABLE, table)
         parquet = write_parquet(table, self.directory / PARQUET)
         return table, [path, *([parquet] if parquet else [])]
+
+    def write_table(self, name: str, table: Table) -> Path:
+        """Write columns as a CSV file of the directory and return it."""
+        path = self.directory / name
+        _replace(path, csv_text(table))
+        return path
 
 
 def make_table(sweep: Sweep, rows: dict[int, Row]) -> Table:

@@ -125,18 +125,6 @@ def _default_gains(config: RunConfig) -> list[float | None]:
     return [None, config.controller.ks / 2.0, config.controller.ks * 5.0 / 6.0]
 
 
-def ignored(config: RunConfig) -> list[str]:
-    """Return the keys of a scenario that act on the flown loop but not on its linear analysis."""
-    keys = {
-        'controller.torque_limit': config.controller.torque_limit,
-        'encoder.noise_std': config.encoder.noise_std,
-        'encoder.resolution': config.encoder.resolution,
-        'tip_sensor.noise_std': config.tip_sensor.noise_std,
-        'trajectory.delay': config.trajectory.delay,
-    }
-    return [key for key, value in keys.items() if value]
-
-
 def _read(config: RunConfig) -> tuple[str, str]:
     """Return the sensor whose latency is varied, and where the law's rates come from."""
     from flexarm_ros.core.control import PLANNING
@@ -147,6 +135,8 @@ def _read(config: RunConfig) -> tuple[str, str]:
 
 
 def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
+    from flexarm_ros.core.stability import left_out
+
     by_gain = _by_gain(found)
     return {
         'law': config.controller.law,
@@ -159,7 +149,7 @@ def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
         'states': found[0].states,
         **{key: value for key, value in by_gain[0].items() if key != 'gain'},
         'gains': by_gain,
-        'not_in_the_analysis': ignored(config),
+        'not_in_the_analysis': left_out(config),
         'poses': [_pose_json(one) for one in found],
     }
 
@@ -207,6 +197,8 @@ _UNITS = ('rad', '', '', 'of a tick', '1/s', 'rad/s', '', 'ms', 'ms')
 
 
 def _print_table(config: RunConfig, found: list[PoseStability]) -> None:
+    from flexarm_ros.core.stability import left_out
+
     sensor, rates = _read(config)
     place = (
         f'{config.tip_sensor.measurand} at {config.tip_sensor.location:g} m'
@@ -231,8 +223,8 @@ def _print_table(config: RunConfig, found: list[PoseStability]) -> None:
             f'modulus {worst["modulus"]:.8f}, smallest crossing delay {least} ms'
         )
         print(_eigenvalues(max((x for x in found if x.gain == worst['gain']), key=_modulus)))
-    if left_out := ignored(config):
-        print(f'not in the analysis: {", ".join(left_out)}')
+    if keys := left_out(config):
+        print(f'not in the analysis: {", ".join(keys)}')
 
 
 def _cells(one: PoseStability) -> tuple[str, ...]:

@@ -28,8 +28,10 @@ from flexarm_ros.cli.signals import Deferred
 
 if TYPE_CHECKING:
     from flexarm_ros.analysis.sweep_engine import DaskCluster, LocalPool, Stop
-    from flexarm_ros.analysis.sweep_store import SweepStore
+    from flexarm_ros.analysis.sweep_store import SweepStore, Table
     from flexarm_ros.scenario.sweep import Sweep
+
+MOST_REASONS = 3
 
 
 def add_parser(subparsers: Any) -> None:
@@ -38,7 +40,10 @@ def add_parser(subparsers: Any) -> None:
         'sweep',
         help='many scenarios in parallel, one table',
         description='Fly every run of SWEEP (a file or the name of a shipped one) in processes of '
-        'this machine, or on a Dask cluster, and write one table and pictures. '
+        'this machine, or on a Dask cluster, and write one table and pictures. A run is '
+        'stable if it reached its end, which proves no more than that. Over two parameters the '
+        'pictures, and linear.csv, also have where the loop about rest is stable by the linear '
+        'analysis of `flexarm stability`. '
         'A sweep that was cut off goes on when it is started again with the same --out.',
         epilog='Exit status: 0; 1 if a run failed for another reason than being unstable; '
         '2 for a bad sweep; 130, 143 or 129 after a signal.',
@@ -69,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
             directory = args.out if args.out is not None else new_directory(None, sweep.name)
             with Deferred() as signals, SweepStore(directory, sweep) as store:
                 _fly(engine, sweep, store, stop=lambda: bool(signals.signum))
-                _finish(args, sweep, store, bool(signals.signum))
+                _finish(args, sweep, store, lambda: bool(signals.signum))
                 missing, counts = store.missing(), store.counts()
     except (StoreError, EngineError) as error:
         raise UsageError(str(error)) from None
@@ -85,8 +90,11 @@ def _engine(args: argparse.Namespace, sweep: Sweep) -> LocalPool | DaskCluster:
 
     if args.scheduler is not None:
         return DaskCluster(sweep.bases, args.scheduler)
-    workers = args.workers or len(os.sched_getaffinity(0))
-    return LocalPool(sweep.bases, min(workers, sweep.count))
+    return LocalPool(sweep.bases, min(_processes(args), sweep.count))
+
+
+def _processes(args: argparse.Namespace) -> int:
+    return args.workers or len(os.sched_getaffinity(0))
 
 
 def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop: Stop) -> None:
@@ -107,13 +115,15 @@ def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop:
             progress.update(len(store.rows))
 
 
-def _finish(args: argparse.Namespace, sweep: Sweep, store: SweepStore, cut: bool) -> None:
+def _finish(args: argparse.Namespace, sweep: Sweep, store: SweepStore, stop: Stop) -> None:
     """Write table and pictures and print what came out."""
     table, files = store.write()
-    if not args.no_pictures and not cut and store.rows:
-        files += _pictures(sweep, table, store.directory / 'pictures')
+    if not args.no_pictures and not stop() and store.rows:
+        files += _pictures(args, sweep, table, store, stop)
     counts = ', '.join(f'{n} {outcome}' for outcome, n in store.counts().items()) or 'none'
-    print(f'{len(store.rows)} of {sweep.count} runs: {counts}')
+    print(
+        f'{len(store.rows)} of {sweep.count} runs: {counts} (stable: reached the end of its run)'
+    )
     bad = [row for row in store.rows.values() if row['outcome'] in ('failed', 'crashed')]
     for row in bad[:1]:
         print(f'run {row["index"]} {row["outcome"]}: {row["error"]}', file=sys.stderr)
@@ -121,13 +131,23 @@ def _finish(args: argparse.Namespace, sweep: Sweep, store: SweepStore, cut: bool
         print(path)
 
 
-def _pictures(sweep: Sweep, table: dict[str, list[Any]], out: Path) -> list[Path]:
+def _pictures(
+    args: argparse.Namespace, sweep: Sweep, table: Table, store: SweepStore, stop: Stop
+) -> list[Path]:
     try:
         from flexarm_ros.analysis.sweep_pictures import write_pictures
     except ImportError as error:
         print(f'no pictures: {error}', file=sys.stderr)
         return []
-    return write_pictures(sweep, table, out)
+    from flexarm_ros.analysis.sweep_linear import analyse_grid, linear_table
+
+    files = []
+    linear = analyse_grid(sweep, min(_processes(args), sweep.points), stop)
+    if linear is not None:
+        for reason in linear.reasons()[:MOST_REASONS]:
+            print(f'flexarm sweep: no linear boundary: {reason}', file=sys.stderr)
+        files = [store.write_table('linear.csv', linear_table(sweep, linear))]
+    return files + write_pictures(sweep, table, store.directory / 'pictures', linear)
 
 
 def _workers(text: str) -> int:

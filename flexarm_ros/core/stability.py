@@ -68,6 +68,18 @@ def sensor_of(config: RunConfig) -> str:
     return 'tip_sensor' if control.law in PLANNING else control.feedback
 
 
+def left_out(config: RunConfig) -> list[str]:
+    """Return the keys of a scenario that act on the flown loop but not on its linear analysis."""
+    keys = {
+        'controller.torque_limit': config.controller.torque_limit,
+        'encoder.noise_std': config.encoder.noise_std,
+        'encoder.resolution': config.encoder.resolution,
+        'tip_sensor.noise_std': config.tip_sensor.noise_std,
+        'trajectory.delay': config.trajectory.delay,
+    }
+    return [key for key, value in keys.items() if value]
+
+
 class SampledLoop:
     """
     The closed loop of a scenario about rest at an elbow angle, over one tick.

@@ -82,6 +82,14 @@ class Parameter:
         both = self.spec.kind == 'float2' and not text.startswith('[')
         return f'{full_name(self.section, self.key)}={f"[{text}, {text}]" if both else text}'
 
+    def between(self, first: str, second: str, part: float) -> str:
+        """Return the text of a value between two, ``part`` of the way from the first."""
+        pair = numbers_in(first), numbers_in(second)
+        size = max(map(len, pair))
+        both = zip(*(numbers * (size // len(numbers)) for numbers in pair), strict=True)
+        texts = [self.number_text(a + part * (b - a)) for a, b in both]
+        return texts[0] if size == 1 else f'[{", ".join(texts)}]'
+
     def check(self, tree: Tree, where: str) -> str:
         """Return a listed value's text after checking it; ScenarioError names ``where``."""
         both = self.spec.kind == 'float2' and isinstance(tree, Scalar)
@@ -92,6 +100,11 @@ class Parameter:
         """Return a computed value's text after checking it."""
         number: int | float = int(text) if self.spec.kind == 'int' else float(text)
         return self.check(Scalar(number, text), where)
+
+
+def numbers_in(text: str) -> list[float]:
+    """Return the numbers of a value's text: one, or those of an array."""
+    return [float(part) for part in text.strip('[]').split(',')]
 
 
 def read_axis(parameter: Parameter, tree: Tree, where: str) -> tuple[str, ...]:

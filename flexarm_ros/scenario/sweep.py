@@ -107,7 +107,12 @@ class Sweep:
     @property
     def count(self) -> int:
         """Return the number of runs."""
-        total = len(self.scenarios) * self.samples
+        return self.points * self.samples
+
+    @property
+    def points(self) -> int:
+        """Return the number of points of the grid, each scenario's; a run is a draw at one."""
+        total = len(self.scenarios)
         for values in self.axes.values():
             total *= len(values)
         return total
@@ -119,17 +124,30 @@ class Sweep:
 
     def case(self, index: int) -> SweepCase:
         """Return run ``index``: scenarios run slowest, then the grid's axes, draws fastest."""
-        rest, sample = divmod(index, self.samples)
-        values: dict[str, str] = {}
-        for name in reversed(self.axes):
-            rest, place = divmod(rest, len(self.axes[name]))
-            values[name] = self.axes[name][place]
-        values = {name: values[name] for name in self.axes}
+        point, sample = divmod(index, self.samples)
+        base, values = self._grid_values(point)
         values |= {name: texts[sample] for name, texts in self.draws.items()}
         values |= {name: values[other] for name, other in self.ties.items()}
         settings = tuple(Parameter.named(name).override(text) for name, text in values.items())
         shown = {name: json.loads(x) if x.startswith('"') else x for name, x in values.items()}
-        return SweepCase(index, rest, {'scenario': self.scenarios[rest], **shown}, settings)
+        return SweepCase(index, base, {'scenario': self.scenarios[base], **shown}, settings)
+
+    def point(self, number: int) -> tuple[int, tuple[str, ...]]:
+        """Return a grid point's scenario in ``bases`` and its overrides, without any draw."""
+        base, values = self._grid_values(number)
+        values |= {name: values[other] for name, other in self.ties.items() if other in values}
+        return base, tuple(Parameter.named(name).override(text) for name, text in values.items())
+
+    def axis_text(self, name: str, point: int) -> str:
+        """Return the text that an axis has at a point of the grid."""
+        return self._grid_values(point)[1][name]
+
+    def _grid_values(self, point: int) -> tuple[int, dict[str, str]]:
+        values: dict[str, str] = {}
+        for name in reversed(self.axes):
+            point, place = divmod(point, len(self.axes[name]))
+            values[name] = self.axes[name][place]
+        return point, {name: values[name] for name in self.axes}
 
     def digest(self) -> str:
         """Return a SHA-256 of everything that decides the results, scenarios included."""
