@@ -190,7 +190,6 @@ def altered_scenario(sound: bytes, old: bytes, new: bytes) -> bytes:
         (b'control_period: 0.001', b'control_period: 1e-10', 'control_period'),
         (b'duration: 0.1', b'duration: -1.0', 'duration'),
         (b'modes: 1', b'modes: 10000000', 'modes'),
-        (b'modes: 1', b'modes: 1\n    torque: 3', 'torque'),
         (b'kp: 150.79', b'kp: [1, 2]', 'kp'),
         (b'law: "fls"', b'law: "open_loop"\n    torque_file: "/etc/passwd"', 'torque'),
         (b'/**:', b'a: &a [x,x]\nb: &b [*a,*a]\n/**:', 'scenario'),

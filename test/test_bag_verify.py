@@ -19,12 +19,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+import sys
+from typing import Any
 
 from bagtools import OPEN_LOOP, small_config, small_messages, write_small
 from flexarm_ros import scenario
-from flexarm_ros.bag import provenance
+from flexarm_ros.bag import frontmatter, provenance
+from flexarm_ros.bag import writer as bag_writer
+from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.foreign import typestore
 from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.scan import Scanner
 from flexarm_ros.bag.topics import COMMAND, per_tick_topics, STATE
 from flexarm_ros.bag.verify import verify
@@ -369,3 +374,96 @@ def test_a_topic_that_is_missing_throughout_is_no_ragged_end(tmp_path: Path) -> 
     verdict = verify(silent)
     assert not verdict.same
     assert verdict.faults == ['300 of the ticks 0 to 299: no message on /plant/state']
+
+
+def write_as_another_version(
+    monkeypatch: pytest.MonkeyPatch, directory: Path, *edits: tuple[str, str], **options: Any
+) -> Path:
+    """Write a bag whose scenario has what this version does not know."""
+    with monkeypatch.context() as patch:
+
+        def attached(config: RunConfig, origin: Provenance) -> list[tuple[str, str, str]]:
+            found = frontmatter.attachments(config, origin)
+            text = found[0][2]
+            for old, new in edits:
+                assert old in text
+                text = text.replace(old, new)
+            return [(*found[0][:2], text), *found[1:]]
+
+        patch.setattr(bag_writer, 'attachments', attached)
+        return write_messages(directory, CONFIG, **options)
+
+
+LAW = ('law: "fls"', 'law: "evil_law:Law"\n    evil: {gain: 3.0}')
+SECTION = ('plant:\n', 'imu:\n  ros__parameters:\n    rate: 100.0\nplant:\n')
+KEY = ('    location: 9.0\n', '    location: 9.0\n    jitter: 0.001\n')
+CHOICE = ('kind: "square"', 'kind: "spline"')
+RUN_KEY = ('    seed: 0\n', '    seed: 0\n    clock_rate: 100\n')
+
+
+@pytest.mark.parametrize(
+    ('edit', 'section', 'said', 'left'),
+    [
+        (LAW, 'controller', 'law: evil_law:Law is not known; unknown key evil', 'controller'),
+        (SECTION, 'imu', 'unknown section', ''),
+        (KEY, 'tip_sensor', 'unknown key jitter', 'tip_sensor'),
+        (CHOICE, 'trajectory', 'kind: spline is not known', 'trajectory'),
+        (RUN_KEY, '/**', 'unknown key clock_rate', ''),
+    ],
+)
+def test_what_is_not_known_is_taken_as_recorded_and_the_rest_verified(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    edit: tuple[str, str], section: str, said: str, left: str,
+) -> None:  # fmt: skip
+    (tmp_path / 'evil_law.py').write_text('raise SystemExit("imported")')
+    monkeypatch.syspath_prepend(tmp_path)
+    bag = write_as_another_version(monkeypatch, tmp_path / 'bag', edit)
+    assert main(['verify', str(bag)]) == 0
+    out = capsys.readouterr().out
+    assert f'note: {section}: taken as recorded, not known to this version: {said}\n' in out
+    assert f'closed loop not computed: {section} unknown here' in out
+    nodes = {'plant', 'encoder', 'tip_sensor', 'trajectory', 'controller'}
+    verdict = verify(bag)
+    assert set(verdict.compared) == nodes - {left}
+    assert verdict.ticks == 300
+    assert 'evil_law' not in sys.modules
+
+
+def test_the_rest_of_a_run_that_is_not_known_in_full_is_judged(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def alter(tick: int, topic: int, data: bytes) -> bytes:
+        return changed(topic, 1, data) if (tick, topic) == (100, STATE) else data
+
+    bag = write_as_another_version(monkeypatch, tmp_path / 'bag', LAW, alter=alter)
+    assert set(verify(bag).first) >= {'plant'}
+
+
+def test_a_bad_value_is_no_sign_of_another_version(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    edit = ('    location: 9.0\n', '    location: -9.0\n')
+    for edits in ([edit], [edit, LAW]):
+        bag = write_as_another_version(monkeypatch, tmp_path / f'bag{len(edits)}', *edits)
+        with pytest.raises(BagContentError, match=r'tip_sensor.location: -9'):
+            verify(bag)
+
+
+@pytest.mark.parametrize('edit', [LAW, SECTION, KEY, CHOICE])
+def test_other_commands_take_a_bag_that_is_not_known_in_full(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    edit: tuple[str, str],
+) -> None:  # fmt: skip
+    bag = str(write_as_another_version(monkeypatch, tmp_path / 'bag', edit))
+    plain = str(write_messages(tmp_path / 'plain', CONFIG))
+    assert main(['compare', bag, plain]) == 0
+    assert main(['export', bag, '--out', str(tmp_path / 'csv')]) == 0
+    assert edit[1].strip() in (tmp_path / 'csv' / 'scenario.yaml').read_text('utf-8')
+    assert main(['report', bag, '--no-pictures', '--out', str(tmp_path / 'page')]) == 0
+    assert main(['recover', bag, '--out', str(tmp_path / 'new')]) == 0
+    assert 'whole: 1800 messages, all topics as recorded' in capsys.readouterr().out
+    assert BagReader(tmp_path / 'new').unknown == BagReader(bag).unknown != {}
+    assert main(['digest', bag]) == main(['digest', str(tmp_path / 'new')]) == 0
+    first, second = capsys.readouterr().out.split()
+    assert first == second
+    assert main(['verify', str(tmp_path / 'new')]) == 0

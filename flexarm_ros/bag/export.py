@@ -114,7 +114,10 @@ def export(
 
 
 def _write_scenario(reader: BagReader, target: Path) -> None:
-    write_atomically(target / SCENARIO_FILE, scenario.dump(bag_config(reader.config)))
+    text = scenario.dump(bag_config(reader.config))
+    if reader.unknown:  # as it is: with what this version does not know
+        text = reader.front.attachments[SCENARIO_FILE].decode()
+    write_atomically(target / SCENARIO_FILE, text)
     if reader.config.torques:
         text = scenario.write_torques(reader.config.torques)
         write_atomically(target / TORQUES_FILE, text)

@@ -31,6 +31,11 @@ FORMAT = '1'
 SCENARIO_FILE = 'scenario.yaml'
 TORQUES_FILE = 'torques.csv'
 PROVENANCE_FILE = 'provenance.json'
+MEDIA_TYPES = {
+    SCENARIO_FILE: 'application/yaml',
+    PROVENANCE_FILE: 'application/json',
+    TORQUES_FILE: 'text/csv',
+}
 RUN_RECORD = 'flexarm_ros'
 PARAMETERS_RECORD = 'flexarm_ros.parameters'
 VERSIONS_RECORD = 'flexarm_ros.versions'
@@ -74,9 +79,9 @@ def attachments(config: RunConfig, provenance: Provenance) -> list[tuple[str, st
     Attachments have checksums of their own; it is from them that a bag is read.
     """
     found = [
-        (SCENARIO_FILE, 'application/yaml', scenario.dump(bag_config(config))),
-        (PROVENANCE_FILE, 'application/json', json.dumps(provenance.to_dict(), indent=1)),
+        (SCENARIO_FILE, scenario.dump(bag_config(config))),
+        (PROVENANCE_FILE, json.dumps(provenance.to_dict(), indent=1)),
     ]
     if config.torques:
-        found.append((TORQUES_FILE, 'text/csv', scenario.write_torques(config.torques)))
-    return found
+        found.append((TORQUES_FILE, scenario.write_torques(config.torques)))
+    return [(name, MEDIA_TYPES[name], text) for name, text in found]

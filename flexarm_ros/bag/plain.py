@@ -20,22 +20,29 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm_ros.bag.files import make_directory, write_atomically
+from flexarm_ros.bag.frontmatter import MEDIA_TYPES
 from flexarm_ros.bag.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
 from flexarm_ros.bag.metadata import bag_information, BagTopic, to_yaml
 from flexarm_ros.bag.scan import Message
 from flexarm_ros.bag.storage import Front
 from flexarm_ros.bag.topics import Qos
 from flexarm_ros.bag.writer import FILE_NAME
+from flexarm_ros.core.timeline import T0_NS
+
+ROSBAG2 = 'rosbag2'
+"""The metadata record that rosbag2 reads; it is made anew."""
 
 
 class PlainWriter:
     """
     Writes messages as they are, under the channels and schemas of ``front``.
 
+    ``whole``: with its scenario, provenance and records too, as they are.
+
     Raises BagError where ``directory`` exists or cannot be written.
     """
 
-    def __init__(self, directory: Path, front: Front) -> None:
+    def __init__(self, directory: Path, front: Front, whole: bool = False) -> None:
         make_directory(directory)
         self._directory = directory
         self._file = McapFile(directory / FILE_NAME, 'zstd')
@@ -44,6 +51,12 @@ class PlainWriter:
             for schema in front.schemas.values()
         }
         self._types = {s.id: s.name for s in front.schemas.values()}
+        if whole:
+            for name, data in front.metadata.items():
+                if name != ROSBAG2:
+                    self._file.add_metadata(name, data)
+            for name, content in front.attachments.items():
+                self._file.add_attachment(name, MEDIA_TYPES[name], content, T0_NS)
         self._ids: dict[int, int] = {}
         self._topics: list[tuple[str, str, str]] = []
         for channel in front.channels.values():
@@ -85,7 +98,7 @@ class PlainWriter:
         information = bag_information(
             FILE_NAME, self._file.start_time, self._file.end_time, topics, {}
         )
-        self._file.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
+        self._file.add_metadata(ROSBAG2, {'serialized_metadata': to_yaml(information)})
         self._file.finish()
         write_atomically(
             self._directory / 'metadata.yaml',

@@ -23,7 +23,7 @@ another recorder wrote is matched to the ticks by its stamps
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import contextlib
 from dataclasses import replace
 import json
@@ -44,9 +44,11 @@ from flexarm_ros.bag.topics import per_tick_topics, Topic
 from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import T0_NS, Timeline
+from flexarm_ros.scenario.recorded import from_recorded, Recorded
 from flexarm_ros.scenario.torque_file import parse_torques
 
 BLOCK_TICKS = 512
+MOST_SHOWN = 4
 WINDOW_TICKS = 1 << 15
 """Ticks that a message of another recorder's bag may come late or early by."""
 
@@ -61,6 +63,7 @@ class BagReader:
     (BagFormatError, BagContentError, BagLimitError), one line, where RUN is no bag
     of a run or its scenario cannot be read.
 
+    ``unknown``: section -> what of its scenario this version does not know; ``notes`` says so too.
     ``own``: whether this package wrote it.  ``provenance``: where it comes from.
     ``topics``: the per-tick topics in canonical order; ``names``: what those
     that the bag has are called in it.  ``notes`` and ``gaps``: what is left out
@@ -85,8 +88,13 @@ class BagReader:
         self.notes: list[str] = []
         self.gaps: list[str] = []
         self._match: Match | None = None
-        self._config = front_config(self.path, front) if self.own else given
+        self._config = given
+        self.unknown: dict[str, list[str]] = {}
+        self.front = front
         if self.own:
+            recorded = front_scenario(self.path, front)
+            self._config, self.unknown = recorded.config, recorded.unknown
+            self.notes += unknown_notes(self.unknown)
             self._take_own(fronts, given)
         else:
             found = match(self.path, self._files, fronts, given, namespace, preferred)
@@ -100,7 +108,12 @@ class BagReader:
         self._index = [topic_index(front, self.topics) for front in fronts]
         self.names = {i: topic.path for i, topic in enumerate(self.topics)}
         check_complete(self.path, self.topics, self._index)
-        self._take_changes(read_changes(self._files, fronts, self.timeline.period_ns))
+        try:
+            self._take_changes(read_changes(self._files, fronts, self.timeline.period_ns))
+        except BagContentError as error:
+            if not self.unknown:
+                raise
+            self.notes.append(f'changed parameters are left out: {error}')
 
     def _take_match(self, found: Match) -> None:
         self.topics, self.timeline = found.topics, found.timeline
@@ -293,13 +306,22 @@ def read_changes(
     return tuple(found)
 
 
-def front_config(path: Path, front: Front) -> RunConfig:
+def unknown_notes(unknown: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return a line for each section of a scenario that is not known in full."""
+    return [
+        f'{section}: taken as recorded, not known to this version: {"; ".join(what[:MOST_SHOWN])}'
+        + (f' and {len(what) - MOST_SHOWN} more' if len(what) > MOST_SHOWN else '')
+        for section, what in unknown.items()
+    ]
+
+
+def front_scenario(path: Path, front: Front) -> Recorded:
     """Return the scenario that a bag carries; BagContentError if it has none that is valid."""
     try:
         text = front.attachments[SCENARIO_FILE].decode()
         rows = front.attachments.get(TORQUES_FILE)
         torques = parse_torques(rows.decode(), TORQUES_FILE) if rows is not None else ()
-        return scenario.from_text(text, torques, SCENARIO_FILE)
+        return from_recorded(text, torques, SCENARIO_FILE)
     except KeyError:
         raise no_scenario(path) from None
     except (UnicodeDecodeError, scenario.ScenarioError) as error:

@@ -47,9 +47,17 @@ Tick = Sequence[Values | None]
 
 
 class Nodes:
-    """Recomputes each node's message of a tick from the recorded ones."""
+    """
+    Recomputes each node's message of a tick from the recorded ones.
 
-    def __init__(self, config: RunConfig, topics: Sequence[Topic], skip: frozenset[str]) -> None:
+    ``start_known``: whether the scenario tells the plant's state at tick 0.
+    """
+
+    def __init__(
+        self, config: RunConfig, topics: Sequence[Topic], skip: frozenset[str],
+        start_known: bool = True,
+    ) -> None:  # fmt: skip
+        self._start_known = start_known
         self._topics, self._skip = topics, skip
         self.config, self._agenda = config, Agenda(config.changes)
         self._timeline = Timeline.of(config.run)
@@ -58,7 +66,8 @@ class Nodes:
         self._size = len(self._plant.names)
         self._encoder, self._tip = Encoder(config), TipSensor(config)
         self._more = further_sensors(config)
-        self._reference, self._law = Reference(config), make_law(config)
+        self._reference = Reference(config)
+        self._law = None if 'controller' in skip else make_law(config)
         self._fed = self._judged = 0
 
     def expected(self, tick: int, now: Tick, before: Tick | None) -> dict[int, Stamped]:
@@ -81,13 +90,16 @@ class Nodes:
         for change in self._agenda.due(tick):
             self.config = changed(self.config, change)
         for part in (self._encoder, self._tip, self._reference, self._law):
-            part.retune(self.config)
+            if part is not None:
+                part.retune(self.config)
         for sensor in self._more:
             sensor.retune(self.config)
 
     def _state(self, tick: int, before: Tick | None) -> Values | None:
         plant, n = self._plant, self._size
         if tick == 0:
+            if not self._start_known:
+                return None
             plant.set_state(*self._start)
         else:
             state = before[STATE] if before else None
@@ -115,7 +127,7 @@ class Nodes:
                 more = sensor.measure(tick, q, qd)
                 found[topic] = (more[0], more[1:])
         inputs = (now[JOINT_STATES], now[TIP], now[REFERENCE])
-        if tick == self._judged and None not in inputs:
+        if self._law is not None and tick == self._judged and None not in inputs:
             self._judged += 1
             sample = Sample(positions, rates, deflection, *inputs)  # type: ignore[arg-type]
             found[COMMAND] = (stamp, self._law.torque(tick, sample))

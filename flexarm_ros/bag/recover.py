@@ -47,7 +47,13 @@ from flexarm_ros.bag.frontmatter import (
 )
 from flexarm_ros.bag.mcapfile import LIBRARY
 from flexarm_ros.bag.plain import PlainWriter
-from flexarm_ros.bag.reader import check_complete, front_config, front_provenance, topic_index
+from flexarm_ros.bag.reader import (
+    check_complete,
+    front_provenance,
+    front_scenario,
+    topic_index,
+    unknown_notes,
+)
 from flexarm_ros.bag.scan import (
     Damage,
     DATA_CHECKSUM,
@@ -87,8 +93,9 @@ class Rescue:
     at a tick, of which the first is kept.  ``damages`` says what was
     found, a line each.  ``harmed``: something is wrong in the data section;
     ``ended``: the data section's end is there; ``lost_front``: scenario or
-    provenance are lost.  ``chunks`` and ``loose`` count sound chunks and messages
-    outside of chunks, which have no checksum.
+    provenance are lost; ``as_recorded``: the scenario is kept, but not known here in
+    full, so that its ticks are not counted.  ``chunks`` and ``loose`` count sound chunks and
+    messages outside of chunks, which have no checksum.
     """
 
     kept: int = 0
@@ -100,6 +107,7 @@ class Rescue:
     harmed: bool = False
     ended: bool = False
     lost_front: bool = False
+    as_recorded: bool = False
     chunks: int = 0
     loose: int = 0
     damages: list[str] = field(default_factory=list)
@@ -274,9 +282,17 @@ def _what(error: BagError) -> str:
 
 
 def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
-    """Return the scenario, from its attachment or else from the metadata record."""
+    """
+    Return the scenario, from its attachment or else from the metadata record.
+
+    None too for one that is not known here in full (``rescue.as_recorded``).
+    """
     try:
-        return front_config(path, front)
+        recorded = front_scenario(path, front)
+        for text in unknown_notes(recorded.unknown):
+            rescue.note(text)
+        rescue.as_recorded = bool(recorded.unknown)
+        return None if recorded.unknown else recorded.config
     except BagContentError as error:
         first = str(error)
     try:
@@ -365,7 +381,7 @@ def _rescue_plain(path: Path, front: Front, target: Path, rescue: Rescue) -> Non
     if not front.channels:
         rescue.note('nothing says what its channels hold')
         return
-    with PlainWriter(target, front) as writer:
+    with PlainWriter(target, front, rescue.as_recorded) as writer:
         for messages in _sound_messages(path, rescue.keeps_loose):
             kept, dropped = writer.add(messages)
             rescue.kept += kept

@@ -37,6 +37,7 @@ from flexarm_ros.bag.topics import per_tick_topics, STATE, Topic
 from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.loop import ClosedLoop
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.scenario.recorded import RECORDER
 import numpy as np
 
 LOOP = 'closed loop'
@@ -153,7 +154,9 @@ class _Run:
         self._reader, self._verdict, self._skip = reader, verdict, skip
         self._topics = reader.topics
         self._comparison = _Comparison(reader, verdict)
-        self._nodes = Nodes(reader.config, reader.topics, skip)
+        placed = reader.config.plant.initial_position is not None
+        start_known = placed or 'trajectory' not in reader.unknown
+        self._nodes = Nodes(reader.config, reader.topics, skip, start_known)
         free = reader.config.run.sync == 'free'
         self._loop = None if skip or free else ClosedLoop(reader.config)
         self._agenda = Agenda(reader.config.changes)
@@ -312,10 +315,16 @@ def verify(
     """
     reader = BagReader(run, given, namespace)
     verdict = Verdict(planned=reader.timeline.ticks)
-    skip = frozenset(foreign) | frozenset(reader.provenance.foreign)
-    if skip:
+    unknown = frozenset(reader.unknown) - {RECORDER}
+    outside = frozenset(foreign) | frozenset(reader.provenance.foreign)
+    skip = outside | unknown
+    if outside:
         verdict.notes.append(
-            f'external, taken as recorded: {", ".join(sorted(skip))}; closed loop not computed'
+            f'external, taken as recorded: {", ".join(sorted(outside))}; closed loop not computed'
+        )
+    elif unknown:
+        verdict.notes.append(
+            f'closed loop not computed: {", ".join(sorted(unknown))} unknown here'
         )
     elif reader.config.run.sync == 'free':
         verdict.notes.append('a free-running run: verified node by node; closed loop not computed')

@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     verdict = {0: 'whole', 3: 'in part', 1: 'nothing'}[rescue.status]
     if rescue.kept:
         ticks = f'{rescue.complete} of {rescue.planned} ticks' if rescue.planned else 'no scenario'
+        ticks = 'all topics as recorded' if rescue.as_recorded else ticks
         print(f'{verdict}: {rescue.kept} messages, {ticks}, in {args.out}')
     else:
         print(f'{verdict}: {"; ".join(rescue.damages)}', file=sys.stderr)

@@ -39,7 +39,10 @@ def add_parser(subparsers: Any) -> None:
         description="Recompute each RUN (a run's directory, the bag in it or the .mcap file) from "
         'the scenario in the bag (or --scenario), node by node from the recorded inputs and as a '
         'closed loop, and compare every recorded message byte for byte.',
-        epilog='Exit status: 0 all the same; 1 something differs, or the bag cannot be read.',
+        epilog='What this version does not know of the scenario - a law, a section, a key - is '
+        'taken as recorded, as an external node is, and the rest is verified; nothing that a bag '
+        'names is imported. Exit status: 0 all the same; 1 something differs, or the bag cannot '
+        'be read.',
     )
     parser.add_argument(
         'runs', metavar='RUN', nargs='+', type=Path,

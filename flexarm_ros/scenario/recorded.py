@@ -1,0 +1,129 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The scenario of a bag, in which a newer version or a package that is not here may have written.
+
+What this version does not know is left out and said; nothing that a bag names is imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+
+from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
+from flexarm_ros.scenario.errors import clip, ScenarioError
+from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, Tree
+from flexarm_ros.scenario.reader import (
+    build,
+    check_torques,
+    from_text,
+    ROS_KEYS,
+    Values,
+    WHOLE_RUN,
+)
+
+RECORDER = 'recorder'
+"""The section of which no message depends."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """
+    A recorded scenario as far as it is known here.
+
+    ``unknown``: section -> what of it is not.  An unknown ``controller.law`` keeps its name in
+    ``config``, of which then no law can be made.
+    """
+
+    config: RunConfig
+    unknown: dict[str, list[str]] = field(default_factory=dict)
+
+
+def from_recorded(
+    text: str, torques: Iterable[Iterable[float]] = (), name: str = 'scenario'
+) -> Recorded:
+    """
+    Read the scenario's text of a bag; raises ScenarioError where it is no scenario.
+
+    That is for what is wrong in a section that is known: a bad value is no sign of another
+    version.
+    """
+    rows = tuple(tuple(row) for row in torques)
+    try:
+        return Recorded(from_text(text, rows, name))
+    except ScenarioError:
+        values, unknown = _known_values(parse(text))
+        if not unknown:
+            raise
+    law = values.get(_LAW)
+    foreign_law = law.value if isinstance(law, Scalar) and _not_a_choice(*_LAW, law) else None
+    if foreign_law is not None:
+        del values[_LAW]
+    try:
+        config = build(values, torques=check_torques(rows))
+    except ScenarioError as error:
+        raise ScenarioError(f'{name}: {error}') from None
+    if isinstance(foreign_law, str):
+        config = replace(config, controller=replace(config.controller, law=foreign_law))
+    return Recorded(config, unknown)
+
+
+_LAW = ('controller', 'law')
+
+
+def _known_values(tree: Tree | None) -> tuple[Values, dict[str, list[str]]]:
+    values: Values = {}
+    unknown: dict[str, list[str]] = {}
+    for section, body in tree.entries.items() if isinstance(tree, Mapping) else ():
+        name = section if section == WHOLE_RUN else section.removeprefix('/')
+        if name not in SECTIONS:
+            unknown[name] = ['unknown section']
+            continue
+        held = body.entries.get('ros__parameters') if isinstance(body, Mapping) else None
+        if not isinstance(held, Mapping):
+            continue
+        for key, value in _flat(name, held, ''):
+            if key not in specs(SECTIONS[name]):
+                unknown.setdefault(name, []).append(f'unknown key {clip(key)}')
+            elif _not_a_choice(name, key, value):
+                unknown.setdefault(name, []).append(f'{key}: {_shown(value)} is not known')
+                if (name, key) == _LAW:
+                    values[name, key] = value
+            else:
+                values[name, key] = value
+    return values, unknown
+
+
+def _flat(section: str, tree: Mapping, prefix: str) -> Iterator[tuple[str, Tree]]:
+    """Yield dotted keys: those that are known, and of an unknown map its name alone."""
+    known = specs(SECTIONS[section])
+    for part, value in tree.entries.items():
+        key = prefix + part
+        if isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
+            yield from _flat(section, value, key + '.')
+        elif key in known or key not in ROS_KEYS:
+            yield key, value
+
+
+def _not_a_choice(section: str, key: str, value: Tree) -> bool:
+    """Return whether a text is none of those that the key takes here."""
+    choices = specs(SECTIONS[section])[key][1].choices
+    text = value.value if isinstance(value, Scalar) else None
+    return bool(choices) and isinstance(text, str) and text not in choices
+
+
+def _shown(value: Tree) -> str:
+    return clip(str(value.value)) if isinstance(value, Scalar) else 'a value'
