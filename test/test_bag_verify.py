@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+import json
 from pathlib import Path
 import sys
 from typing import Any
@@ -175,9 +176,24 @@ def test_cut_off_is_compared_as_far_as_it_goes(tmp_path: Path) -> None:
     path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:60000])
     verdict = verify(path)
-    assert verdict.same
+    assert not verdict.same and not verdict.first
     assert 0 < verdict.ticks < verdict.planned
-    assert any('damaged at byte' in note for note in verdict.notes)
+    assert ['damaged at byte' in fault for fault in verdict.faults] == [True]
+    assert main(['compare', str(path), str(path)]) == 1
+    # A run that says that it was not completed explains the cut; one that was does not.
+    for complete in (True, False):
+        (tmp_path / 'summary.json').write_text(json.dumps({'complete': complete}))
+        assert verify(path).same == (not complete)
+    assert any('damaged at byte' in note for note in verify(path).notes)
+
+
+def test_a_report_of_a_cut_bag_says_so_on_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_small(tmp_path / 'bag', small_config())
+    path.write_bytes(path.read_bytes()[:60000])
+    assert main(['report', str(path), '--no-pictures', '--out', str(tmp_path / 'page')]) == 0
+    assert 'damaged: ' in capsys.readouterr().err
 
 
 def test_nothing_recorded_is_nothing_proved(
@@ -189,7 +205,8 @@ def test_nothing_recorded_is_nothing_proved(
     (tmp_path / 'front.mcap').write_bytes(sound[:front])
     verdict = verify(tmp_path / 'front.mcap')
     assert not verdict.same
-    assert verdict.faults == ['no message in it: nothing is proved']
+    assert verdict.faults[0] == 'no message in it: nothing is proved'
+    assert len(verdict.faults) == 2 and 'the file breaks off' in verdict.faults[1]
     assert main(['verify', str(tmp_path / 'front.mcap')]) == 1
     assert 'the same' not in capsys.readouterr().out
 

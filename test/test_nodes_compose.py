@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+import re
 import threading
 
 from nodetools import Asker, flexarm, wait_for
@@ -101,7 +102,7 @@ def test_who_speaks_in_anothers_place_is_noticed(
     else:
         assert done[0].returncode == 0, done[0].stderr
         log = (tmp_path / 'run' / 'logs' / 'compose.log').read_text()
-        assert 'invalid messages, last on joint_command' in log
+        assert re.search('invalid messages?, last on joint_command', log)
 
 
 @pytest.mark.parametrize('way', [[], ['--compose']], ids=['six processes', 'composed'])

@@ -66,7 +66,8 @@ class Comparison:
 
     ``fields`` in order of topics; ``only_a`` and ``only_b`` count messages of
     each topic at times that the other run does not have; ``parameters`` tells
-    what the scenarios differ in; ``notes`` what could not be compared.
+    what the scenarios differ in; ``notes`` what could not be compared;
+    ``damaged`` that a bag breaks off or is damaged.
     """
 
     fields: list[FieldDifference] = field(default_factory=list)
@@ -74,6 +75,7 @@ class Comparison:
     only_b: dict[str, int] = field(default_factory=dict)
     parameters: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    damaged: bool = False
 
     @property
     def compared(self) -> int:
@@ -83,10 +85,14 @@ class Comparison:
     @property
     def within(self) -> bool:
         """Whether all fields are within tolerance and no message is without counterpart."""
-        return self.compared > 0 and not (
-            any(f.beyond for f in self.fields)
-            or any(self.only_a.values())
-            or any(self.only_b.values())
+        return (
+            self.compared > 0
+            and not self.damaged
+            and not (
+                any(f.beyond for f in self.fields)
+                or any(self.only_a.values())
+                or any(self.only_b.values())
+            )
         )
 
 
@@ -180,6 +186,7 @@ def compare(
         if side.empty:
             raise side.reader.nothing()
         if side.reader.damage is not None:
+            result.damaged = True
             result.notes.append(str(side.reader.damage))
         result.notes += [f'{letter}: {text}' for text in (*side.reader.notes, *side.reader.gaps)]
     return result

@@ -313,7 +313,8 @@ def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
     # Where no trace of one is in a sound bag, it is another recorder's and nothing is lost.
     traces = SCENARIO_FILE in front.attachments or PARAMETERS_RECORD in front.metadata
     rescue.lost_front = traces or rescue.harmed or not rescue.ended
-    rescue.note(first.removeprefix(f'{path}: '))
+    # recover has no --scenario, which the error names for the other commands.
+    rescue.note(first.removeprefix(f'{path}: ').removesuffix('; give it with --scenario FILE'))
     return None
 
 

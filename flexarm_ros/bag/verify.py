@@ -25,7 +25,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+import json
 import os
+from pathlib import Path
 
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.metadata import read_counts, read_files
@@ -41,6 +43,7 @@ from flexarm_ros.scenario.recorded import RECORDER
 import numpy as np
 
 LOOP = 'closed loop'
+SUMMARY = 'summary.json'
 PADDING = 'padding'
 
 
@@ -335,10 +338,21 @@ def verify(
     except BagContentError as error:
         verdict.faults.append(str(error))
     if reader.damage is not None:
-        verdict.notes.append(f'{reader.damage}')
+        # A recorder that was killed leaves no end either, but then the run says that it broke off.
+        known = _broke_off(reader.directory.parent / SUMMARY)
+        (verdict.notes if known else verdict.faults).append(f'{reader.damage}')
     else:
         _check_counts(reader, reader.surveyed or walk.counts, verdict)
     return verdict
+
+
+def _broke_off(summary: Path) -> bool:
+    """Return whether the summary beside a bag says that its run was not completed."""
+    try:
+        found = json.loads(summary.read_text('utf-8'))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(found, dict) and found.get('complete') is False
 
 
 def _say_origin(reader: BagReader, skip: frozenset[str], verdict: Verdict) -> None:

@@ -37,7 +37,7 @@ def add_parser(subparsers: Any) -> None:
         'times since the start, field by field. A value is beyond tolerance where '
         '|A - B| > ATOL + RTOL |B|.',
         epilog='Exit status: 0 all within tolerance; 1 something beyond, a message without '
-        'counterpart, or nothing to compare.',
+        'counterpart, a damaged bag, or nothing to compare.',
     )
     parser.add_argument('a', metavar='A', help='output directory of a run, or its bag')
     parser.add_argument('b', metavar='B', help='the run to compare it with')
@@ -84,10 +84,10 @@ def _show(result: Comparison) -> None:
         print(f'note: {text}')
     for path, count in result.only_a.items():
         if count:
-            print(f'{path}: {count} messages only in A')
+            print(f'{path}: {count} message{"s" * (count != 1)} only in A')
     for path, count in result.only_b.items():
         if count:
-            print(f'{path}: {count} messages only in B')
+            print(f'{path}: {count} message{"s" * (count != 1)} only in B')
     shown = [f for f in result.fields if f.largest > 0.0]
     width = max([len(f.topic) + len(f.name) + 1 for f in shown], default=0)
     if shown:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+import sys
 from typing import Any, TYPE_CHECKING
 import webbrowser
 
@@ -67,6 +68,9 @@ def run(args: argparse.Namespace) -> int:
         pictures = [] if args.no_pictures else write_figures(runs, out)
     except RunError as error:
         raise UsageError(str(error)) from None
+    for one in runs:
+        if problem := one.summary.get('problem'):
+            print(f'flexarm report: {one.directory}: {problem}', file=sys.stderr)
     for path in (page, *pictures):
         print(path)
     if args.open:

@@ -41,8 +41,9 @@ def add_parser(subparsers: Any) -> None:
         'closed loop, and compare every recorded message byte for byte.',
         epilog='What this version does not know of the scenario - a law, a section, a key - is '
         'taken as recorded, as an external node is, and the rest is verified; nothing that a bag '
-        'names is imported. Exit status: 0 all the same; 1 something differs, or the bag cannot '
-        'be read.',
+        'names is imported. Exit status: 0 all the same; 1 something differs, '
+        'messages are missing, the bag is damaged though its run does not say that it broke off, '
+        'or the bag cannot be read.',
     )
     parser.add_argument(
         'runs', metavar='RUN', nargs='+', type=Path,

@@ -391,7 +391,7 @@ class Participant(Node):
     def tell_invalid(self) -> None:
         """Say in the end how many messages were none of the run's."""
         if self.invalid:
-            self.get_logger().warning(f'{self.invalid} invalid messages in all')
+            self.get_logger().warning(f'{_counted(self.invalid)} in all')
 
     def flush(self, limit_s: float | None = None) -> None:
         """
@@ -459,4 +459,9 @@ class Participant(Node):
         now = time.monotonic()
         if now - self._last_invalid_log >= 1.0:
             self._last_invalid_log = now
-            self.get_logger().warning(f'{self.invalid} invalid messages, last on {topic}: {fault}')
+            self.get_logger().warning(f'{_counted(self.invalid)}, last on {topic}: {fault}')
+
+
+def _counted(invalid: int) -> str:
+    """Return a number of invalid messages in words."""
+    return f'{invalid} invalid message{"" if invalid == 1 else "s"}'
