@@ -469,7 +469,7 @@ def test_unchunked_is_recovered_as_far_as_it_goes(tmp_path: Path) -> None:
     assert 0 < rescue.kept < len(all_of())
     assert verify(tmp_path / 'part', given=CONFIG).first == {}
     verdict = verify(cut, given=CONFIG)
-    assert any('the file does not hold whole' in note for note in verdict.notes)
+    assert any('the file does not hold whole' in note for note in verdict.faults)
 
 
 def test_our_own_run_rewritten_without_chunks(own: Path, tmp_path: Path) -> None:
