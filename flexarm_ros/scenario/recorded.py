@@ -30,7 +30,7 @@ from flexarm_ros.scenario.reader import (
     build,
     check_torques,
     from_text,
-    ROS_KEYS,
+    is_of_ros,
     Values,
     WHOLE_RUN,
 )
@@ -114,7 +114,7 @@ def _flat(section: str, tree: Mapping, prefix: str) -> Iterator[tuple[str, Tree]
         key = prefix + part
         if isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
             yield from _flat(section, value, key + '.')
-        elif key in known or key not in ROS_KEYS:
+        elif key in known or not is_of_ros(key):
             yield key, value
 
 
