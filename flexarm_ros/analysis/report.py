@@ -56,7 +56,7 @@ def write_report(runs: Sequence[Path | Run], out: Path) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     path = out / PAGE
     partial = out / f'{PAGE}.tmp'
-    partial.write_text(page, 'utf-8')
+    partial.write_text(page, 'utf-8', 'backslashreplace')  # a path may be no text
     os.replace(partial, path)
     return path
 

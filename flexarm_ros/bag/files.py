@@ -19,8 +19,20 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
+import sys
 
 from flexarm_ros.bag.errors import BagError, BagExistsError
+
+
+def open_standard_files() -> None:
+    """Make each standard file that is closed ``/dev/null``: what is opened next would be it."""
+    for number, name in enumerate(('stdin', 'stdout', 'stderr')):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # has the lowest number
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, 'w' if number else 'r', closefd=False))
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -35,6 +35,7 @@ import sys
 from typing import Any, NoReturn
 import warnings
 
+from flexarm_ros.bag.files import open_standard_files
 from flexarm_ros.cli import signals
 from flexarm_ros.core.warned import allow_warnings
 
@@ -99,6 +100,9 @@ class _Output:
     def write(self, text: str) -> int:
         try:
             return int(self._stream.write(text))
+        except UnicodeEncodeError:  # a path, say, where the encoding is ASCII
+            encoding = self._stream.encoding
+            return self.write(text.encode(encoding, 'backslashreplace').decode(encoding))
         except OSError as error:
             self._discard(error)
             return len(text)
@@ -145,8 +149,9 @@ def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``flexarm`` and return its exit status; the console script's entry."""
     words = list(sys.argv[1:] if argv is None else argv)
+    open_standard_files()
     streams = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (_Output(s) if s is not None else None for s in streams)
+    sys.stdout, sys.stderr = (_Output(s) for s in streams)
     try:
         with warnings.catch_warnings(), signals.raising():
             allow_warnings()
@@ -161,8 +166,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _guarded(words: list[str]) -> int:
     try:
         status = _dispatch(words)
-        if sys.stdout is not None:
-            sys.stdout.flush()
+        sys.stdout.flush()
         return status
     except SystemExit as leave:  # argparse: --help, --version and errors
         return leave.code if isinstance(leave.code, int) else 0 if leave.code is None else 2
@@ -201,6 +205,10 @@ def _explain(words: list[str], error: Exception) -> int:
         place = f'{clip(str(error.filename), PATH_WIDTH)}: ' if error.filename is not None else ''
         print(f'{prefix}: error: {place}{error.strerror or error}', file=sys.stderr)
         return 1
+    if isinstance(error, UnicodeEncodeError):
+        text = clip(ascii(error.object), PATH_WIDTH)
+        print(f'{prefix}: error: {text}: cannot be written as {error.encoding}', file=sys.stderr)
+        return 2
     text = clip(f'{type(error).__name__}: {error}', 300)
     print(f'{prefix}: internal error: {text}\n(FLEXARM_DEBUG=1 shows where)', file=sys.stderr)
     return 1

@@ -36,6 +36,16 @@ _METRICS = (
 )
 
 
+def check_utf8(option: str, text: str) -> None:
+    """Raise UsageError where a path is not text: ROS parameters and JSON are UTF-8."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise UsageError(
+            f'{option}{clip(text, 200)}: not UTF-8, or the locale is not (try LC_ALL=C.UTF-8)'
+        ) from None
+
+
 def new_directory(
     out: Path | None, name: str, below: Path = Path('runs'), option: str = '--out '
 ) -> Path:
@@ -45,9 +55,10 @@ def new_directory(
     A default one is made at once, so that two runs started together do not take the same.
     Raises UsageError, which begins with the ``option``, if ``out`` has something in it already.
     """
+    check_utf8('', name)
     if out is not None:
+        check_utf8(option, str(out.absolute()))
         try:
-            str(out.absolute()).encode()  # ROS parameters are UTF-8
             taken = out.exists() and (not out.is_dir() or any(out.iterdir()))
         except (OSError, ValueError) as error:
             raise UsageError(f'{option}{clip(str(out), 200)}: {error}') from None

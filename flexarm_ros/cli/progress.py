@@ -55,7 +55,7 @@ class _Shown:
         self._bar.update(self._task, completed=done, total=total, note=note)
 
     def __enter__(self: _Self) -> _Self:
-        if sys.stderr is not None and sys.stderr.isatty():
+        if sys.stderr.isatty():
             self._open_bar()
         return self
 

@@ -18,13 +18,14 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import json
 import os
 from pathlib import Path
 from typing import Any
 
 from flexarm_ros.cli import domain, namespace, UsageError
 from flexarm_ros.cli.bag_options import add_bag_options
+from flexarm_ros.cli.output import check_utf8
+from flexarm_ros.scenario.rclyaml import quoted
 
 
 def add_parser(subparsers: Any) -> None:
@@ -88,21 +89,23 @@ def run(args: argparse.Namespace) -> int:
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     space = namespace.checked(args.namespace)
+    for name, text in (('RUN', args.run), ('--scenario', args.scenario or '')):
+        check_utf8(f'{name} ', os.path.abspath(text))
     os.environ['ROS_DOMAIN_ID'] = str(domain.chosen_domain(args.domain) or 0)
     values = {
-        'bag': json.dumps(str(Path(args.run).resolve())),
+        'bag': quoted(str(Path(args.run).resolve())),
         'rate': repr(args.rate),
         'start': repr(args.start),
         'loop': str(args.loop).lower(),
         'paused': str(args.paused).lower(),
         'playback_duration': repr(args.duration),
-        'topics': json.dumps(','.join(args.topics)),
-        'exclude': json.dumps(','.join(args.exclude)),
+        'topics': quoted(','.join(args.topics)),
+        'exclude': quoted(','.join(args.exclude)),
         'without': f"'{args.without}'",
         'delay': repr(args.delay),
-        'scenario': json.dumps(args.scenario or ''),
-        'set': json.dumps(';'.join(args.overrides)),
-        'namespace': json.dumps(args.from_namespace or ''),
+        'scenario': quoted(args.scenario or ''),
+        'set': quoted(';'.join(args.overrides)),
+        'namespace': quoted(args.from_namespace or ''),
     }
     words = [word for key, value in values.items() for word in ('-p', f'{key}:={value}')]
     rules = [f'__ns:={space}'] if space else []

@@ -61,7 +61,7 @@ class SuiteTable:
         return table
 
     def __enter__(self) -> SuiteTable:
-        if sys.stderr is not None and sys.stderr.isatty():
+        if sys.stderr.isatty():
             from rich.console import Console
             from rich.live import Live
 

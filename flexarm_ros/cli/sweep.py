@@ -65,13 +65,14 @@ def run(args: argparse.Namespace) -> int:
     """Fly the sweep; 0, 1 if a run failed, 130, 143 or 129 after a signal."""
     from flexarm_ros.analysis.sweep_engine import EngineError
     from flexarm_ros.analysis.sweep_store import StoreError, SweepStore
-    from flexarm_ros.cli.output import new_directory
+    from flexarm_ros.cli.output import check_utf8, new_directory
     from flexarm_ros.scenario import sweep as sweeps
 
     sweep = sweeps.load(args.sweep)
     try:
         with contextlib.closing(_engine(args, sweep)) as engine:
-            directory = args.out if args.out is not None else new_directory(None, sweep.name)
+            directory = args.out or new_directory(None, sweep.name)
+            check_utf8('--out ', str(directory.absolute()))
             with Deferred() as signals, SweepStore(directory, sweep) as store:
                 _fly(engine, sweep, store, stop=lambda: bool(signals.signum))
                 _finish(args, sweep, store, lambda: bool(signals.signum))

@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import importlib.util
-import json
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -146,8 +145,9 @@ def _fly(
     directory: Path,
 ) -> Flight:
     from flexarm_ros import scenario
+    from flexarm_ros.scenario.rclyaml import quoted
 
-    config = scenario.load(name, [f'{key}={json.dumps(value)}' for key, value in settings.items()])
+    config = scenario.load(name, [f'{key}={quoted(value)}' for key, value in settings.items()])
     stem = Path(name).stem
     if mode == 'simulate':
         if nodes:

@@ -37,6 +37,7 @@ from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProces
 from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.nodes.environment import log_directory
 from flexarm_ros.nodes.own_parameters import how_to_go_on
+from flexarm_ros.scenario.rclyaml import quoted
 
 ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 REPLACEABLE = ('encoder', 'tip_sensor', 'trajectory', 'controller')
@@ -225,12 +226,6 @@ def own_arguments(
 
 def _resolved(directory: Path) -> Path:
     return (directory / 'scenario.yaml').resolve()
-
-
-def quoted(text: str) -> str:
-    """Return ``text`` as YAML that is a string whatever is in it, for ``-p NAME:=VALUE``."""
-    # rcl's YAML refuses JSON's pairs of surrogates.
-    return f'"{"".join(c if c > chr(0xFFFF) else json.dumps(c)[1:-1] for c in text)}"'
 
 
 def _yaml(value: float) -> str:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import sys
 
+from flexarm_ros.bag.files import open_standard_files
 from flexarm_ros.core.warned import allow_warnings
 
 
@@ -28,6 +29,7 @@ def main(name: str, argv: list[str] | None = None) -> int:
     Returns the exit status: 0 done, 1 the run failed, 2 a bad scenario or
     command line, 130, 143 or 129 after a signal.
     """
+    open_standard_files()
     allow_warnings()  # before anything else is imported
     from flexarm_ros.nodes.process import run_process
 

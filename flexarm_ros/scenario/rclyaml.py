@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+import json
 import re
 import sys
 from typing import Any
@@ -329,3 +330,15 @@ def _keys(data: Any) -> Any:
     if isinstance(data, dict):
         return {_Key(key): _keys(value) for key, value in data.items()}
     return list(data) if isinstance(data, tuple) else data
+
+
+def quoted(value: Any) -> str:
+    """
+    Return ``value`` (texts, numbers, lists, maps) on one line of ASCII, as JSON and YAML have it.
+
+    But characters beyond U+FFFF are as they are: YAML refuses JSON's pairs of surrogates.
+    """
+    return ''.join(
+        c if c < '\x7f' or c > '\uffff' else f'\\u{ord(c):04x}'
+        for c in json.dumps(value, ensure_ascii=False)
+    )

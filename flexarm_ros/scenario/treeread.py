@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 import itertools
-import json
 
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
-from flexarm_ros.scenario.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.rclyaml import float_text, Mapping, quoted, Scalar, Sequence, show, Tree
 
 
 def as_map(tree: Tree, where: str, known: Iterable[str] | None = None) -> dict[str, Tree]:
@@ -85,13 +84,13 @@ def yaml_text(tree: Tree) -> str:
     """Return a value as YAML text on one line that reads back the same."""
     if isinstance(tree, Scalar):
         if isinstance(tree.value, str):
-            return json.dumps(tree.value)
+            return quoted(tree.value)
         if isinstance(tree.value, float) and not tree.line:
             return float_text(tree.value)
         return tree.text.strip()
     if isinstance(tree, Sequence):
         return '[' + ', '.join(yaml_text(item) for item in tree.items) + ']'
-    entries = (f'{json.dumps(key)}: {yaml_text(item)}' for key, item in tree.entries.items())
+    entries = (f'{quoted(key)}: {yaml_text(item)}' for key, item in tree.entries.items())
     return '{' + ', '.join(entries) + '}'
 
 
