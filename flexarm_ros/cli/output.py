@@ -91,8 +91,7 @@ def skips(path: Path, command: str) -> bool:
 
 
 def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = False) -> None:
-    """Print a run's metrics and where its files are; draw the pictures first if asked to."""
-    drawn = _draw(directory) if pictures else []
+    """Print a run's metrics and where its files are, then draw the pictures if asked to."""
     rows = [('result', headline(summary))]
     if summary.get('external'):
         rows.append(('external', ', '.join(summary['external'])))
@@ -108,10 +107,12 @@ def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = Fals
     ):
         if path.exists():
             rows.append((label, str(path)))
-    rows += [('picture', str(path)) for path in drawn]
     width = max(len(label) for label, _ in rows)
     for label, text in rows:
         print(f'{label:<{width}}  {text}')
+    sys.stdout.flush()  # drawing takes seconds
+    for path in _draw(directory) if pictures else []:
+        print(f'{"picture":<{width}}  {path}')
 
 
 def headline(summary: dict[str, Any]) -> str:
