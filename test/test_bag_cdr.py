@@ -23,9 +23,8 @@ from typing import Any
 
 from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
 from flexarm_ros.bag.foreign import typestore
-from flexarm_ros.bag.topics import COMMAND, per_tick_topics, state_names
+from flexarm_ros.bag.topics import COMMAND, per_tick_topics
 from flexarm_ros.core.parameters import PlantParameters, RunConfig, TipSensorParameters
-from flexarm_ros.core.plant import coordinate_names
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -185,11 +184,6 @@ def test_wrong_number_of_values() -> None:
     codec = OdometryCodec('base', 'tip')
     with pytest.raises(ValueError, match='3 values for 4'):
         codec.encode(0, 1.0, 2.0, 3.0)
-
-
-def test_names_are_those_of_the_plant() -> None:
-    for modes in range(1, 7):
-        assert state_names(modes) == coordinate_names(modes)
 
 
 def test_variance_is_in_the_covariance() -> None:

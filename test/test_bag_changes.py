@@ -52,9 +52,7 @@ def write_bag(path: Path, config: RunConfig, late: bool = False) -> Path:
             writer.write_change(change)
         while (record := loop.tick()) is not None:
             codecs = [topic.codec for topic in per_tick_topics(loop.config)]
-            for i, (stamp, values) in enumerate(
-                loop_messages(record, loop.timeline.stamp_ns(record.k))
-            ):
+            for i, (stamp, values) in enumerate(loop_messages(loop, record)):
                 writer.write(i, record.k, codecs[i].encode(stamp, *values))
         for change in config.changes if late else ():
             writer.write_change(change)

@@ -47,7 +47,6 @@ from flexarm_ros.bag.topics import (
     CLOCK,
     COMMAND,
     JOINT_STATES,
-    LINKS,
     per_tick_topics,
     REFERENCE,
     STATE,
@@ -57,6 +56,7 @@ from flexarm_ros.bag.topics import (
 from flexarm_ros.core.changes import Change
 from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.sensors import ticks_per_sample
+from flexarm_ros.core.signals import LINKS
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
 import numpy as np
 

@@ -17,26 +17,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from flexarm_ros.bag.topics import (
-    CLOCK,
-    COMMAND,
-    JOINT_STATES,
-    REFERENCE,
-    split_state,
-    STATE,
-    TIP,
-    Topic,
-)
+from flexarm_ros.bag.topics import CLOCK, COMMAND, STATE, Topic
 from flexarm_ros.core.changes import Agenda
-from flexarm_ros.core.control import make_law, Sample
-from flexarm_ros.core.loop import TickRecord
+from flexarm_ros.core.loop import ClosedLoop, TickRecord
 from flexarm_ros.core.parameters import changed, RunConfig
+from flexarm_ros.core.parts import Answer, answering
 from flexarm_ros.core.plant import make_plant
-from flexarm_ros.core.sensors import Encoder, further_sensors, TipSensor
+from flexarm_ros.core.signals import MessageState, State
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.core.trajectory import Reference
-import numpy as np
 
 Values = tuple[float, ...]
 Stamped = tuple[int, Values]
@@ -63,12 +53,9 @@ class Nodes:
         self._timeline = Timeline.of(config.run)
         self._plant = make_plant(config)
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
-        self._size = len(self._plant.names)
-        self._encoder, self._tip = Encoder(config), TipSensor(config)
-        self._more = further_sensors(config)
-        self._reference = Reference(config)
-        self._law = None if 'controller' in skip else make_law(config)
-        self._fed = self._judged = 0
+        self._parts = [
+            _Recomputed(part(config), topics) for part in answering() if part.NAME not in skip
+        ]
 
     def expected(self, tick: int, now: Tick, before: Tick | None) -> dict[int, Stamped]:
         """Return what can be told of tick ``tick`` from its and the last tick's messages."""
@@ -78,25 +65,24 @@ class Nodes:
         found: dict[int, Stamped] = {}
         if self._topics[CLOCK].due(tick):
             found[CLOCK] = (stamp, ())
-        found[REFERENCE] = (stamp, self._reference.command(tick))
         state = self._state(tick, before)
         if state is not None:
-            found[STATE] = (stamp, state)
-        if now[STATE] is not None:
-            self._answers(tick, stamp, now, found)
+            found[STATE] = (stamp, state.values())
+        recorded = now[STATE]
+        views: list[Any] = list(now)
+        views[STATE] = MessageState(recorded) if recorded is not None else None
+        for part in self._parts:
+            found.update(part.expected(tick, stamp, views))
         return {i: w for i, w in found.items() if self._topics[i].node not in self._skip}
 
     def _retune(self, tick: int) -> None:
         for change in self._agenda.due(tick):
             self.config = changed(self.config, change)
-        for part in (self._encoder, self._tip, self._reference, self._law):
-            if part is not None:
-                part.retune(self.config)
-        for sensor in self._more:
-            sensor.retune(self.config)
+        for recomputed in self._parts:
+            recomputed.part.retune(self.config)
 
-    def _state(self, tick: int, before: Tick | None) -> Values | None:
-        plant, n = self._plant, self._size
+    def _state(self, tick: int, before: Tick | None) -> State | None:
+        plant = self._plant
         if tick == 0:
             if not self._start_known:
                 return None
@@ -106,43 +92,48 @@ class Nodes:
             torque = before[COMMAND] if before else None
             if state is None or torque is None:
                 return None
-            plant.set_state(*split_state(state, n)[:2])
+            recorded = MessageState(state)
+            plant.set_state(recorded.positions, recorded.rates)
             plant.step(torque[0], torque[1])
-        ends = plant.deflections()
-        return (*plant.q.tolist(), *ends[:2], *plant.qd.tolist(), *ends[2:])
-
-    def _answers(self, tick: int, stamp: int, now: Tick, found: dict[int, Stamped]) -> None:
-        """Sensors and law have a memory: they can be told as long as no tick is missing."""
-        state, n = now[STATE], self._size
-        assert state is not None
-        positions, rates, deflection = split_state(state, n)
-        q, qd = np.array(positions), np.array(rates)
-        if tick == self._fed:
-            self._fed += 1
-            encoder = self._encoder.measure(tick, q, qd)
-            tip = self._tip.measure(tick, q, qd)
-            found[JOINT_STATES] = (encoder[0], encoder[1:])
-            found[TIP] = (tip[0], tip[1:])
-            for topic, sensor in enumerate(self._more, COMMAND + 1):
-                more = sensor.measure(tick, q, qd)
-                found[topic] = (more[0], more[1:])
-        inputs = (now[JOINT_STATES], now[TIP], now[REFERENCE])
-        if self._law is not None and tick == self._judged and None not in inputs:
-            self._judged += 1
-            sample = Sample(positions, rates, deflection, *inputs)  # type: ignore[arg-type]
-            found[COMMAND] = (stamp, self._law.torque(tick, sample))
+        return State(plant.q, plant.qd, plant.deflections())
 
 
-def loop_messages(record: TickRecord, stamp: int) -> list[Stamped]:
+class _Recomputed:
+    """One part; it has a memory, so it can be told as long as no tick's inputs are missing."""
+
+    def __init__(self, part: Answer, topics: Sequence[Topic]) -> None:
+        names = [topic.name for topic in topics]
+        self.part = part
+        self._reads = [names.index(name) for name in part.READS]
+        self._writes = [i for i, topic in enumerate(topics) if topic.node == part.NAME]
+        self._due = 0
+
+    def expected(self, tick: int, stamp: int, now: Sequence[Any]) -> dict[int, Stamped]:
+        """Return the messages of tick ``tick`` for the recorded inputs; none where one lacks."""
+        inputs = [now[i] for i in self._reads]
+        if None in inputs or (tick != self._due and not self.part.AHEAD):
+            return {}
+        self._due = tick + 1
+        answers = self.part.answer(tick, *inputs)
+        return {
+            place: stamped(message, self.part.LATE, stamp)
+            for place, message in zip(
+                self._writes, answers if len(self._writes) > 1 else (answers,), strict=True
+            )
+        }
+
+
+def stamped(message: Any, late: bool, stamp: int) -> Stamped:
+    """Return stamp and values of what a part answered at the tick with ``stamp``, ns."""
+    return (message[0], message[1:]) if late else (stamp, message)
+
+
+def loop_messages(loop: ClosedLoop, record: TickRecord) -> list[Stamped]:
     """Return the messages of one tick of the closed loop, in canonical order."""
-    ends = record.deflections
-    state = (*record.q.tolist(), *ends[:2], *record.qd.tolist(), *ends[2:])
-    return [
-        (stamp, ()),
-        (stamp, state),
-        (record.encoder[0], record.encoder[1:]),
-        (record.tip[0], record.tip[1:]),
-        (stamp, record.reference),
-        (stamp, record.torque),
-        *((more[0], more[1:]) for more in record.more),
+    stamp = loop.timeline.stamp_ns(record.k)
+    found = [
+        stamped(message, late, stamp)
+        for message, late in zip(record.messages, loop.answers.late, strict=True)
     ]
+    found[CLOCK], found[STATE] = (stamp, ()), (stamp, record.state.values())
+    return found

@@ -25,10 +25,11 @@ from typing import Any
 from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
-from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.bag.topics import CLOCK, per_tick_topics, STATE
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.loop import ClosedLoop, TickRecord
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import Answer, signals
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
@@ -42,6 +43,11 @@ class BlockMaker:
         widths = [len(topic.codec.fields) for topic in per_tick_topics(config)]
         self._values = [np.empty((_BLOCK_TICKS, width)) for width in widths]
         self._stamps = [np.empty(_BLOCK_TICKS, np.int64) for _ in widths]
+        late = [issubclass(part, Answer) and part.LATE for part, _ in signals(config)]
+        self._late = [i for i, is_late in enumerate(late) if is_late]
+        self._prompt = [
+            i for i, is_late in enumerate(late) if not is_late and i not in (CLOCK, STATE)
+        ]
         self._timeline = Timeline.of(config.run)
         self._first = 0
         self._count = 0
@@ -57,23 +63,16 @@ class BlockMaker:
         if i == 0:
             self._first = record.k
         now = self._timeline.stamp_ns(record.k)
-        _, state, encoder, tip, reference, command, *more = self._values
-        size = len(record.q)
-        positions, rates = state[i].reshape(2, size + 2)
-        positions[:size], positions[size:] = record.q, record.deflections[:2]
-        rates[:size], rates[size:] = record.qd, record.deflections[2:]
-        encoder[i] = record.encoder[1:]
-        tip[i] = record.tip[1:]
-        reference[i] = record.reference
-        command[i] = record.torque
-        for stamps, stamp in zip(
-            self._stamps,
-            (now, now, record.encoder[0], record.tip[0], now, now, *(m[0] for m in record.more)),
-            strict=True,
-        ):
-            stamps[i] = stamp
-        for values, measured in zip(more, record.more, strict=True):
-            values[i] = measured[1:]
+        values, stamps = self._values, self._stamps
+        values[STATE][i] = record.state.values()
+        stamps[CLOCK][i] = stamps[STATE][i] = now
+        for place in self._late:
+            message = record.messages[place]
+            stamps[place][i] = message[0]
+            values[place][i] = message[1:]
+        for place in self._prompt:
+            stamps[place][i] = now
+            values[place][i] = record.messages[place]
         self._count += 1
 
     def take(self) -> Block:

@@ -16,28 +16,30 @@
 The topics of a run: names, types, quality of service and canonical order.
 
 At every tick each of these topics carries exactly one message, ``/clock`` only where
-``/**.clock_rate`` says so.  The order of
-``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
-the flow of the data: clock, state, measurements and reference, torque.
+``/**.clock_rate`` says so.  Which they are follows from the run's parts
+(`flexarm_ros.core.parts`).  The order of ``per_tick_topics`` is the order of the messages
+of one tick in a bag; it follows the flow of the data: clock, state, measurements and
+reference, torque.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
+from flexarm_ros.core import parts
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.timeline import clock_ticks
+from flexarm_ros.core.parameters import PlantParameters, RunConfig, TipSensorParameters
+from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, LINKS, PlanarPoint
 
 _Values = TypeVar('_Values', tuple[float, ...], FloatArray)
 
-BASE_FRAME = 'base'
-JOINTS = ('shoulder', 'elbow')
-LINKS = ('link1', 'link2')
-
-CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = range(6)
+_NAMES = [signal.name for _, signal in parts.signals(RunConfig())]
+CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = map(
+    _NAMES.index,
+    (parts.CLOCK, parts.STATE, parts.JOINT_STATES, parts.TIP, parts.REFERENCE, parts.COMMAND),
+)
 """Index of each topic in ``per_tick_topics``; those of further tip sensors come behind them."""
 
 DEPTH = 1000
@@ -94,12 +96,6 @@ class Topic:
         return self.codec.type_name
 
 
-def state_names(modes: int) -> tuple[str, ...]:
-    """Names of the plant's coordinates for ``modes`` assumed modes a link."""
-    modal = [f'{link}_mode{i}' for link in LINKS for i in range(1, modes + 1)]
-    return (*JOINTS, *modal)
-
-
 def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
     """Split the values of ``plant/state``: ``size`` coordinates, their rates, end deflections."""
     half = size + len(LINKS)
@@ -109,39 +105,30 @@ def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
 
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """Return the topics of a run in canonical order."""
-    further = len(config.tip_sensor.more_locations or ())
-    variance = config.tip_sensor.noise_std * config.tip_sensor.noise_std
-    return topics_of(config.plant.modes, further, variance, clock_ticks(config.run))
+    return tuple(
+        Topic(signal.name, part.NAME, codec(signal.content), every=signal.every)
+        for part, signal in parts.signals(config)
+    )
 
 
-def topics_of(
-    modes: int, further: int = 0, variance: float = 0.0, clock_every: int = 1
-) -> tuple[Topic, ...]:
+def codec(content: Clock | Joints | PlanarPoint) -> Codec:
+    """Return what makes bytes of a signal's values."""
+    if isinstance(content, Joints):
+        return JointStateCodec(content.names, BASE_FRAME, content.fields)
+    if isinstance(content, PlanarPoint):
+        return OdometryCodec(BASE_FRAME, content.child, content.variance)
+    return ClockCodec()
+
+
+def topics_of(modes: int, further: int = 0, clock_every: int = 1) -> tuple[Topic, ...]:
     """
-    Return the topics of a run in canonical order.
+    Return the topics of a run of which only this is known, in canonical order.
 
     ``modes``: assumed modes a link; ``further``: number of tip sensors at
-    ``tip_sensor.more_locations``, whose topics come behind all others;
-    ``variance``: of the tip sensors' position, m^2; ``clock_every``: ticks between messages on
-    ``/clock``.
+    ``tip_sensor.more_locations``; ``clock_every``: ticks between messages on ``/clock``.
     """
-    state = JointStateCodec((*state_names(modes), *LINKS), BASE_FRAME)
-    joints = JointStateCodec(JOINTS, BASE_FRAME)
-    tip = OdometryCodec(BASE_FRAME, 'tip_sensor', variance)
-    reference = OdometryCodec(BASE_FRAME, 'reference')
-    command = JointStateCodec(JOINTS, BASE_FRAME, ('effort',))
-    return (
-        Topic('/clock', 'plant', ClockCodec(), every=clock_every),
-        Topic('plant/state', 'plant', state),
-        Topic('joint_states', 'encoder', joints),
-        Topic('tip_sensor/odometry', 'tip_sensor', tip),
-        Topic('reference', 'trajectory', reference),
-        Topic('joint_command', 'controller', command),
-        *(
-            Topic(
-                f'tip_sensor/odometry_{number}', 'tip_sensor',
-                OdometryCodec(BASE_FRAME, f'tip_sensor_{number}', variance),
-            )
-            for number in range(1, further + 1)
-        ),
-    )  # fmt: skip
+    plant = PlantParameters(modes=modes)
+    tip = TipSensorParameters(more_locations=(0.0,) * further or None)
+    topics = list(per_tick_topics(RunConfig(plant=plant, tip_sensor=tip)))
+    topics[CLOCK] = replace(topics[CLOCK], every=clock_every)
+    return tuple(topics)

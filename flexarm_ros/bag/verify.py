@@ -208,7 +208,7 @@ class _Run:
                 f'unstable at tick {self._loop.unstable_tick} ({self._loop.unstable})',
             ))  # fmt: skip
             return
-        all_wanted = loop_messages(record, self._reader.timeline.stamp_ns(tick))
+        all_wanted = loop_messages(self._loop, record)
         for topic, data in enumerate(messages):
             if data is not None:
                 self._comparison.message(LOOP, tick, topic, data, all_wanted[topic])

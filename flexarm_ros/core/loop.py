@@ -11,47 +11,86 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-
 """The closed loop in one process: the lock-step order of the nodes, without them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.control import make_law, Sample, torque_fault
+from flexarm_ros.core.control import torque_fault
 from flexarm_ros.core.parameters import changed, RunConfig
+from flexarm_ros.core.parts import (
+    Answers,
+    COMMAND,
+    ControllerPart,
+    JOINT_STATES,
+    REFERENCE,
+    signals,
+    TIP,
+)
 from flexarm_ros.core.plant import instability, make_plant
-from flexarm_ros.core.sensors import Encoder, further_sensors, Measurement, TipSensor
+from flexarm_ros.core.sensors import Measurement
+from flexarm_ros.core.signals import Four, State
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.core.trajectory import Reference
 
-Four = tuple[float, float, float, float]
+_NAMES = [signal.name for _, signal in signals(RunConfig())]
+_ENCODER, _TIP, _REFERENCE, _COMMAND = map(_NAMES.index, (JOINT_STATES, TIP, REFERENCE, COMMAND))
 
 
 class TickRecord(NamedTuple):
     """
     What the nodes publish in one tick.
 
-    ``q``, ``qd`` ``(n,)`` are the plant's own arrays: valid until the next
-    tick.  ``deflections``: delta1, delta2 (m) and their rates (m/s).
-    ``encoder``: stamp_ns, angles, rates.  ``tip``: stamp_ns, x, y, vx, vy.
-    ``reference``: x, y, vx, vy as commanded.  ``torque``: N m.  ``gain``:
-    lambda, or nan.
+    ``messages``: see `flexarm_ros.core.parts.Answers`; ``gain``: lambda, or nan.  The state's
+    arrays are the plant's own: valid until the next tick.
     """
 
     k: int
-    q: FloatArray
-    qd: FloatArray
-    deflections: Four
-    encoder: Measurement
-    tip: Measurement
-    reference: Four
-    torque: tuple[float, float]
+    state: State
+    messages: tuple[Any, ...]
     gain: float
-    more: tuple[Measurement, ...] = ()
-    """As ``tip``, of each of the sensors at ``tip_sensor.more_locations``."""
+
+    @property
+    def q(self) -> FloatArray:
+        """Return the plant's coordinates, shape ``(n,)``."""
+        return self.state.q
+
+    @property
+    def qd(self) -> FloatArray:
+        """Return their rates, shape ``(n,)``."""
+        return self.state.qd
+
+    @property
+    def deflections(self) -> Four:
+        """Return delta1, delta2 (m) and their rates (m/s)."""
+        return self.state.ends
+
+    @property
+    def encoder(self) -> Measurement:
+        """Return stamp_ns, angles, rates."""
+        return self.messages[_ENCODER]  # type: ignore[no-any-return]
+
+    @property
+    def tip(self) -> Measurement:
+        """Return stamp_ns, x, y, vx, vy of the sensed point."""
+        return self.messages[_TIP]  # type: ignore[no-any-return]
+
+    @property
+    def reference(self) -> Four:
+        """Return x, y, vx, vy as commanded."""
+        return self.messages[_REFERENCE]  # type: ignore[no-any-return]
+
+    @property
+    def torque(self) -> tuple[float, float]:
+        """Return tau1, tau2, N m."""
+        return self.messages[_COMMAND]  # type: ignore[no-any-return]
+
+    @property
+    def more(self) -> tuple[Measurement, ...]:
+        """Return as ``tip``, of each of the sensors at ``tip_sensor.more_locations``."""
+        return self.messages[len(_NAMES) :]
 
 
 class ClosedLoop:
@@ -72,9 +111,12 @@ class ClosedLoop:
         self.config = config
         self.timeline = Timeline.of(config.run)
         self.plant = make_plant(config)
-        self.encoder, self.tip_sensor = Encoder(config), TipSensor(config)
-        self.more_sensors = further_sensors(config)
-        self.reference, self.law = Reference(config), make_law(config)
+        self.answers = Answers(config)
+        controller = self.answers.parts[ControllerPart.NAME]
+        assert isinstance(controller, ControllerPart)
+        self.law = controller.law
+        self._tick = self.answers.tick
+        self._ticks = self.timeline.ticks
         self._agenda = Agenda(config.changes)
         self.k = 0
         self.unstable: str | None = None
@@ -84,7 +126,7 @@ class ClosedLoop:
     def tick(self) -> TickRecord | None:
         """Run the next tick; ``None`` when the run is over or the arm unstable."""
         plant, k = self.plant, self.k
-        if k >= self.timeline.ticks or self.unstable is not None:
+        if k >= self._ticks or self.unstable is not None:
             return None
         if self._torque is not None:
             plant.step(*self._torque)
@@ -94,26 +136,18 @@ class ClosedLoop:
             return None
         if k >= self._agenda.next:
             self._retune(k)
-        q, qd, ends = plant.q, plant.qd, plant.deflections()
-        encoder = self.encoder.measure(k, q, qd)
-        tip = self.tip_sensor.measure(k, q, qd)
-        more = tuple([sensor.measure(k, q, qd) for sensor in self.more_sensors])
-        reference = self.reference.command(k)
-        sample = Sample(q.tolist(), qd.tolist(), ends[:2], encoder[1:], tip[1:], reference)
-        torque = self.law.torque(k, sample)
-        self._torque = torque
+        state = State(plant.q, plant.qd, plant.deflections())
+        messages = self._tick(k, state)
+        self._torque = messages[_COMMAND]
         self.k = k + 1
-        fault = torque_fault(k, torque)
+        fault = torque_fault(k, self._torque)
         if fault is not None:
             self.unstable = f'controller ({self.config.controller.law}): {fault}'
             self.unstable_tick = self.k
-        return TickRecord(k, q, qd, ends, encoder, tip, reference, torque, self.law.gain, more)
+        return TickRecord(k, state, messages, self.law.gain)
 
     def _retune(self, k: int) -> None:
         """Set what changes at tick ``k``: see ``RunConfig.changes``."""
         for change in self._agenda.due(k):
             self.config = changed(self.config, change)
-        for part in (self.encoder, self.tip_sensor, self.reference, self.law):
-            part.retune(self.config)
-        for sensor in self.more_sensors:
-            sensor.retune(self.config)
+        self.answers.retune(self.config)

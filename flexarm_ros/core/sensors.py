@@ -29,6 +29,7 @@ library's logarithm.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from decimal import Decimal
 import math
 
@@ -40,6 +41,7 @@ from flexarm_ros.core.parameters import RunConfig
 from flexarm_ros.core.timeline import named_ns, T0_NS, ticks_between, Timeline
 import numpy as np
 
+Values = Sequence[float] | FloatArray
 Measurement = tuple[int, float, float, float, float]
 
 _BLOCK = 512
@@ -148,7 +150,7 @@ class Encoder:
         self._latency.set_seconds(config.encoder.latency)
         self.resolution, self.noise_std = config.encoder.resolution, config.encoder.noise_std
 
-    def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
+    def measure(self, k: int, q: Values, qd: Values) -> Measurement:
         """
         Return stamp_ns, theta1, theta2, dtheta1, dtheta2 as delivered at tick ``k``.
 
