@@ -26,6 +26,7 @@ import tempfile
 
 from bench.launch import Cost, floor, LIMIT_S, MeasurementFailed, nodes
 from bench.table import markdown, Part, Ratio
+from flexarm_ros.core.parts import ROLES
 
 TICKS = 4000
 ROUNDS = 5
@@ -136,7 +137,6 @@ def _ratios(found: dict[str, list[Cost]], whole: dict[str, float], tutorial: Cos
 
 def _costs(found: dict[str, list[Cost]], tutorial: Cost) -> str:
     """Return what a tick costs in each way, and in each process."""
-    roles = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
     ways = [
         ('six processes', found['run']), ('floor', found['floor']),
         ('six processes, started one by one', found['apart']),
@@ -144,7 +144,7 @@ def _costs(found: dict[str, list[Cost]], tutorial: Cost) -> str:
     ]  # fmt: skip
     rows = []
     for name, costs in ways:
-        each = [median(c.roles.get(role, 0.0) for c in costs) for role in roles]
+        each = [median(c.roles.get(role, 0.0) for c in costs) for role in ROLES]
         rows.append(
             (
                 name, f'{median(c.wall_us for c in costs):.0f}',
@@ -152,7 +152,7 @@ def _costs(found: dict[str, list[Cost]], tutorial: Cost) -> str:
                 *(f'{value:.0f}' if value else '' for value in each),
             )
         )  # fmt: skip
-    head = ('us a tick', 'wall, median', 'wall, best', 'processor, median', *roles)
+    head = ('us a tick', 'wall, median', 'wall, best', 'processor, median', *ROLES)
     return markdown(head, rows)
 
 

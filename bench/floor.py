@@ -52,7 +52,6 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import UInt64
 
-ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 _RECORDER_NAP_NS = 20_000_000
 _LIMIT_S = 60.0
 _SILENCE_S = 5.0

@@ -29,10 +29,10 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario
+from flexarm_ros.core.parts import ROLES
 from flexarm_ros.launcher import forked
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.litter import Litter
-from flexarm_ros.launcher.run import ROLES
 
 PLAIN = 'FLEXARM_BENCH_PLAIN'
 """In the environment of `bench.traced`: nothing is to be timed but the whole."""

@@ -24,8 +24,9 @@ import sys
 import threading
 import time
 
+from flexarm_ros.core.parts import ROLES
+
 ROOT = Path(__file__).resolve().parents[1]
-ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 EXECUTABLES = {*ROLES, 'player', 'viewer'}
 
 

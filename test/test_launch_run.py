@@ -26,8 +26,8 @@ import sys
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.launched import ARGUMENTS, LaunchedRun, read_rtf, split_overrides
+from flexarm_ros.core.parts import ROLES
 from flexarm_ros.launcher.reports import RunWatch
-from flexarm_ros.launcher.run import ROLES
 from flexarm_ros.nodes.supervisor import ALIVE_FD, REPORT_FD, Supervisor
 from flexarm_ros.scenario import ScenarioError
 from nodetools import finish, wait_for

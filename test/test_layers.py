@@ -22,6 +22,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from flexarm_ros.core.parts import PARTS
 import pytest
 
 PACKAGE = 'flexarm_ros'
@@ -32,7 +33,8 @@ API, API_USES = 'api', {'core', 'scenario', 'bag', 'analysis', 'api'}
 # What the core cannot do itself, having no files: say where its compiled code is kept.
 HELPER = 'code_cache'
 WITHOUT_ROS = {'core', 'scenario', 'bag', 'analysis', API}
-NODES = {'plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder', 'player'}
+HELPERS = [*(ROOT.parent / 'bench').glob('*.py'), *(ROOT.parent / 'test').glob('*tools.py')]
+NODES = {'plant', 'trajectory', 'answering', 'recorder', 'player'}
 
 ROS = {
     *('rclpy', 'rcl_interfaces', 'ament_index_python', 'launch', 'launch_ros'),
@@ -170,10 +172,10 @@ def test_nobody_uses_the_standin() -> None:
         ('nodes.x', 'import flexarm_ros.launcher', 'nodes imports flexarm_ros.launcher'),
         (
             'nodes.plant',
-            'from flexarm_ros.nodes import encoder',
-            'node plant imports node encoder',
+            'from flexarm_ros.nodes import answering',
+            'node plant imports node answering',
         ),
-        ('nodes.plant', 'from flexarm_ros.nodes.encoder import E', 'node plant imports node enc'),
+        ('nodes.plant', 'from flexarm_ros.nodes.recorder import R', 'node plant imports node rec'),
         ('ros2_standin.x', 'from flexarm_ros.core import plant', 'the stand-in imports'),
         ('api.run', 'from flexarm_ros.launcher import run', 'api imports flexarm_ros.launcher'),
         ('api.run', 'import rclpy', 'api imports rclpy'),
@@ -196,3 +198,16 @@ def test_breaches_are_seen(module: str, source: str, complaint: str) -> None:
 )
 def test_what_is_allowed_passes(module: str, source: str) -> None:
     assert complaints(source, f'{PACKAGE}.{module}') == []
+
+
+def test_roles_are_listed_in_one_place() -> None:
+    """Three names of roles side by side, in code or launch file, are a list written again."""
+    roles = [part.NAME for part in PARTS]
+    found = []
+    for path in [*modules(), *(ROOT.parent / 'launch').glob('*.py'), *HELPERS]:
+        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+            if isinstance(node, (ast.Tuple, ast.List, ast.Set)):
+                words = [e.value for e in node.elts if isinstance(e, ast.Constant)]
+                if sum(word in roles for word in words) >= 3:
+                    found.append(f'{path.name}:{node.lineno}: {words}')
+    assert not found, '\n'.join(found)

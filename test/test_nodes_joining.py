@@ -29,7 +29,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from flexarm_ros import scenario
 from flexarm_ros.nodes import status
 from flexarm_ros.nodes.agreement import dump_sections
-from flexarm_ros.nodes.controller import ControllerNode
+from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.status import Phase
 from flexarm_ros.nodes.supervisor import Supervisor
@@ -52,7 +52,7 @@ class Joining:
         self.word = self.first.publisher(status.TOPIC, DiagnosticStatus, status._QOS)
         self.context = rclpy.Context()
         rclpy.init(args=words, context=self.context)
-        self.second = ControllerNode(words, Supervisor(), context=self.context)
+        self.second = answering_node('controller')(words, Supervisor(), context=self.context)
         others = len(ROLES)  # the five others and the first controller
         topic = self.second.resolve_topic_name(status.TOPIC)
         wait_for(lambda: self.second.count_publishers(topic) > others, 60, 'all seen')

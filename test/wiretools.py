@@ -32,10 +32,11 @@ from bagtools import small_messages
 from flexarm_ros import scenario
 from flexarm_ros.bag.topics import per_tick_topics, Topic
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import ROLES
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.agreement import dump_sections
 from flexarm_ros.nodes.endpoints import NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import message_class, qos_profile, READERS, ROLES
+from flexarm_ros.nodes.graph import message_class, qos_profile, reads
 from flexarm_ros.nodes.status import Board, Phase
 from nodetools import start_node
 import rclpy
@@ -77,7 +78,7 @@ class Peers(Wire):
         self.boards = {r: Board(self.node, r) for r in ROLES if r != role}
         for name, board in self.boards.items():
             board.publish(parameters=dump_sections(config, name))
-        self.inputs = [t for t in self.topics if role in READERS[t.name]]
+        self.inputs = [t for t in self.topics if reads(role, t)]
         self.output = [t for t in self.topics if t.node == role]
         for topic in self.topics:
             if topic.node != role:

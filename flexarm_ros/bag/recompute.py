@@ -25,7 +25,7 @@ from flexarm_ros.core.loop import ClosedLoop, TickRecord
 from flexarm_ros.core.parameters import changed, RunConfig
 from flexarm_ros.core.parts import Answer, answering
 from flexarm_ros.core.plant import make_plant
-from flexarm_ros.core.signals import MessageState, State
+from flexarm_ros.core.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline
 
 Values = tuple[float, ...]

@@ -29,7 +29,7 @@ from flexarm_ros.bag.topics import CLOCK, per_tick_topics, STATE
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.loop import ClosedLoop, TickRecord
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import Answer, signals
+from flexarm_ros.core.parts import signals
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
@@ -43,7 +43,7 @@ class BlockMaker:
         widths = [len(topic.codec.fields) for topic in per_tick_topics(config)]
         self._values = [np.empty((_BLOCK_TICKS, width)) for width in widths]
         self._stamps = [np.empty(_BLOCK_TICKS, np.int64) for _ in widths]
-        late = [issubclass(part, Answer) and part.LATE for part, _ in signals(config)]
+        late = [part.LATE for part, _ in signals(config)]
         self._late = [i for i, is_late in enumerate(late) if is_late]
         self._prompt = [
             i for i, is_late in enumerate(late) if not is_late and i not in (CLOCK, STATE)

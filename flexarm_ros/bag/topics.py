@@ -68,7 +68,8 @@ class Topic:
 
     ``name`` is relative (``plant/state``), so that namespaces and remapping
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
-    it, at tick 0 and every ``every`` ticks.
+    it, at tick 0 and every ``every`` ticks.  ``late`` and ``ahead`` tell of its stamps: see
+    `flexarm_ros.core.parts.Part`.
     """
 
     name: str
@@ -76,6 +77,8 @@ class Topic:
     codec: Codec
     qos: Qos = Qos()
     every: int = 1
+    late: bool = False
+    ahead: bool = False
 
     def due(self, tick: int) -> bool:
         """Whether a message belongs to ``tick``."""
@@ -106,7 +109,10 @@ def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """Return the topics of a run in canonical order."""
     return tuple(
-        Topic(signal.name, part.NAME, codec(signal.content), every=signal.every)
+        Topic(
+            signal.name, part.NAME, codec(signal.content), every=signal.every,
+            late=part.LATE, ahead=part.AHEAD,
+        )
         for part, signal in parts.signals(config)
     )
 

@@ -22,8 +22,7 @@ import shlex
 import shutil
 
 from flexarm_ros.cli import UsageError
-
-REPLACEABLE = ('encoder', 'tip_sensor', 'trajectory', 'controller')
+from flexarm_ros.core.parts import REPLACEABLE
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:

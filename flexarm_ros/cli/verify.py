@@ -22,13 +22,13 @@ from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
+from flexarm_ros.core.parts import RECORDED_ROLES
 
 if TYPE_CHECKING:
     from flexarm_ros.bag.verify import Verdict
 
 _OTHER_SOURCE = 'recorded by other source, which may give other numbers:'
 _OTHER_VERSIONS = 'recorded with other versions, which must give the same numbers:'
-NODES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller')
 
 
 def add_parser(subparsers: Any) -> None:
@@ -50,7 +50,7 @@ def add_parser(subparsers: Any) -> None:
         help='output directory of a run, or its bag; of several, reports and sweeps are skipped',
     )  # fmt: skip
     parser.add_argument(
-        '--without', action='append', default=[], choices=NODES, metavar='NODE',
+        '--without', action='append', default=[], choices=RECORDED_ROLES, metavar='NODE',
         help='NODE was external: take its messages as they are; repeats',
     )  # fmt: skip
     add_bag_options(parser)

@@ -29,8 +29,8 @@ from dataclasses import dataclass
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.modes import linearise
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.plant import coordinate_names
 from flexarm_ros.core.sensors import ticks_per_sample
+from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.stability import CHANNELS, MOST_STATES
 from flexarm_ros.core.stability_parts import (
     buffer_line,

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """The closed loop in one process: the lock-step order of the nodes, without them."""
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from typing import Any, NamedTuple
 
 from flexarm_ros.core.changes import Agenda
 from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.control import torque_fault
 from flexarm_ros.core.parameters import changed, RunConfig
 from flexarm_ros.core.parts import (
     Answers,
@@ -32,7 +32,7 @@ from flexarm_ros.core.parts import (
 )
 from flexarm_ros.core.plant import instability, make_plant
 from flexarm_ros.core.sensors import Measurement
-from flexarm_ros.core.signals import Four, State
+from flexarm_ros.core.state import Four, State
 from flexarm_ros.core.timeline import Timeline
 
 _NAMES = [signal.name for _, signal in signals(RunConfig())]
@@ -114,7 +114,7 @@ class ClosedLoop:
         self.answers = Answers(config)
         controller = self.answers.parts[ControllerPart.NAME]
         assert isinstance(controller, ControllerPart)
-        self.law = controller.law
+        self._controller, self.law = controller, controller.law
         self._tick = self.answers.tick
         self._ticks = self.timeline.ticks
         self._agenda = Agenda(config.changes)
@@ -140,9 +140,9 @@ class ClosedLoop:
         messages = self._tick(k, state)
         self._torque = messages[_COMMAND]
         self.k = k + 1
-        fault = torque_fault(k, self._torque)
+        fault = self._controller.fault(k, self._torque)
         if fault is not None:
-            self.unstable = f'controller ({self.config.controller.law}): {fault}'
+            self.unstable = f'{self._controller.title}: {fault}'
             self.unstable_tick = self.k
         return TickRecord(k, state, messages, self.law.gain)
 

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """
 The parts of a run, each declared once: its role, what it reads, what it publishes, how it answers.
 
@@ -23,15 +24,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import itemgetter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TYPE_CHECKING
 
-from flexarm_ros.core.control import make_law, Sample
 from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.plant import coordinate_names
-from flexarm_ros.core.sensors import Encoder, further_sensors, Measurement, TipSensor
-from flexarm_ros.core.signals import Clock, Four, Joints, LINKS, PlanarPoint, Signal, State
+from flexarm_ros.core.signals import (
+    Clock,
+    coordinate_names,
+    Joints,
+    LINKS,
+    PlanarPoint,
+    Signal,
+)
 from flexarm_ros.core.timeline import clock_ticks
-from flexarm_ros.core.trajectory import Reference
+
+# What a part computes with is imported when it is made: the list itself is asked for by each
+# command before it has read its arguments.
+if TYPE_CHECKING:
+    from flexarm_ros.core.sensors import Measurement
+    from flexarm_ros.core.state import Four, State
 
 CLOCK, STATE = '/clock', 'plant/state'
 JOINT_STATES, TIP = 'joint_states', 'tip_sensor/odometry'
@@ -45,13 +55,16 @@ class Part:
     ``NAME`` is the role, the section of a scenario and the executable; ``READS`` are the
     topics that it needs of a tick, in the order of `answer`'s arguments, the one that comes
     last first.  ``FOR_THE_RECORD`` reads every topic.  ``REPLACEABLE``: a node of somebody
-    else's may fill the role, and is recognised by the first of its signals.
+    else's may fill the role.  ``LATE``: what it publishes is as old as it says, a sensor's
+    sample; otherwise the stamp is the tick's.  ``AHEAD``: it publishes before its time.
     """
 
     NAME: ClassVar[str]
     READS: ClassVar[tuple[str, ...]] = ()
     FOR_THE_RECORD: ClassVar[bool] = False
     REPLACEABLE: ClassVar[bool] = True
+    LATE: ClassVar[bool] = False
+    AHEAD: ClassVar[bool] = False
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
@@ -65,15 +78,7 @@ class Part:
 
 
 class Answer(Part):
-    """
-    A part that answers each tick's inputs, and does nothing else.
-
-    ``LATE``: what it publishes is as old as it says, a sensor's sample; otherwise the
-    stamp is the tick's.  ``AHEAD``: it needs no input and may be asked for ticks to come.
-    """
-
-    LATE: ClassVar[bool] = False
-    AHEAD: ClassVar[bool] = False
+    """A part that answers each tick's inputs, and does nothing else."""
 
     def __init__(self, config: RunConfig) -> None:
         raise NotImplementedError
@@ -87,6 +92,15 @@ class Answer(Part):
         `further_signals` are published too.
         """
         raise NotImplementedError
+
+    @property
+    def title(self) -> str:
+        """Return what it is called where it is at fault."""
+        return self.NAME
+
+    def fault(self, k: int, message: Any) -> str | None:
+        """Return what is wrong with the answer of tick ``k``, so that the run cannot go on."""
+        return None
 
     def check_live(self, config: RunConfig) -> None:
         """Raise ``ValueError`` where a live parameter of ``config`` cannot be taken."""
@@ -122,6 +136,8 @@ class EncoderPart(Answer):
         return (Signal(JOINT_STATES, Joints()),)
 
     def __init__(self, config: RunConfig) -> None:
+        from flexarm_ros.core.sensors import Encoder
+
         self.sensor = Encoder(config)
         self._measure = self.sensor.measure
         self.retune = self.sensor.retune  # type: ignore[method-assign]
@@ -159,6 +175,8 @@ class TipSensorPart(Answer):
         return Signal(TIP + suffix, PlanarPoint(f'tip_sensor{suffix}', variance))
 
     def __init__(self, config: RunConfig) -> None:
+        from flexarm_ros.core.sensors import further_sensors, TipSensor
+
         self.sensors = (TipSensor(config), *further_sensors(config))
         self._measure, self._alone = self.sensors[0].measure, len(self.sensors) == 1
 
@@ -191,6 +209,8 @@ class TrajectoryPart(Answer):
         return (Signal(REFERENCE, PlanarPoint('reference')),)
 
     def __init__(self, config: RunConfig) -> None:
+        from flexarm_ros.core.trajectory import Reference
+
         self.reference = Reference(config)
         self.answer = self.reference.command  # type: ignore[method-assign]
         self.retune = self.reference.retune  # type: ignore[method-assign]
@@ -208,14 +228,25 @@ class ControllerPart(Answer):
         return (Signal(COMMAND, Joints(fields=('effort',))),)
 
     def __init__(self, config: RunConfig) -> None:
+        from flexarm_ros.core.control import make_law, Sample, torque_fault
+
         self.law = make_law(config)
-        self._torque = self.law.torque
+        self._torque, self._sample = self.law.torque, Sample
+        self.fault = torque_fault  # type: ignore[method-assign]
+        self._law = config.controller.law
         self.retune = self.law.retune  # type: ignore[method-assign]
 
     def answer(self, k: int, tip: Four, encoder: Four, state: State, reference: Four) -> Any:
         """Return tau1, tau2, N m."""
-        sample = Sample(state.positions, state.rates, state.ends[:2], encoder, tip, reference)
+        sample = self._sample(
+            state.positions, state.rates, state.ends[:2], encoder, tip, reference
+        )
         return self._torque(k, sample)
+
+    @property
+    def title(self) -> str:
+        """Return the role and the law's name."""
+        return f'{self.NAME} ({self._law})'
 
 
 class RecorderPart(Part):
@@ -236,14 +267,14 @@ RECORDED_ROLES = tuple(part.NAME for part in PARTS if not part.FOR_THE_RECORD)
 REPLACEABLE = tuple(part.NAME for part in PARTS if part.REPLACEABLE)
 
 
-def part_named(role: str) -> type[Part]:
-    """Return the part of a role of `ROLES`."""
-    return next(part for part in PARTS if role == part.NAME)
-
-
 def answering() -> tuple[type[Answer], ...]:
     """Return the parts that answer, in the order of a tick."""
     return tuple(part for part in PARTS if issubclass(part, Answer))
+
+
+def answer_of(role: str) -> type[Answer]:
+    """Return the answering part with this role."""
+    return next(part for part in answering() if role == part.NAME)
 
 
 def signals(config: RunConfig) -> tuple[tuple[type[Part], Signal], ...]:
@@ -272,7 +303,7 @@ class Answers:
         self.parts = {part.NAME: part(config) for part in answering()}
         wired = signals(config)
         place = {signal.name: i for i, (_, signal) in enumerate(wired)}
-        self.late = [issubclass(part, Answer) and part.LATE for part, _ in wired]
+        self.late = [part.LATE for part, _ in wired]
         """Whether each of ``messages`` has its stamp."""
         self.messages: list[Any] = [None] * len(wired)
         self._inputs: list[Any] = [None] * len(wired)

@@ -23,6 +23,7 @@ from typing import Protocol
 from flexarm_ros.core.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
 from flexarm_ros.core.plant_eq14 import end_deflections, Eq14Matrices, step_eq14
+from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
 import numpy as np
@@ -67,12 +68,6 @@ class Plant(Protocol):
 
     def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
         """Overwrite the state, shapes ``(2 + 2 modes,)``."""
-
-
-def coordinate_names(modes: int) -> tuple[str, ...]:
-    """Return the names of the coordinates: joints, then modes of link 1 and link 2."""
-    modal = [f'link{link}_mode{i + 1}' for link in (1, 2) for i in range(modes)]
-    return ('shoulder', 'elbow', *modal)
 
 
 def deflection_limits(plant: PlantParameters) -> tuple[float, float]:

@@ -21,7 +21,7 @@ import math
 
 from flexarm_ros.core.compiled import FloatArray
 from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant import choose_substeps, coordinate_names, deflection_limits
+from flexarm_ros.core.plant import choose_substeps, deflection_limits
 from flexarm_ros.core.plant_full_dynamics import (
     end_deflections,
     energy,
@@ -30,6 +30,7 @@ from flexarm_ros.core.plant_full_dynamics import (
     step,
 )
 from flexarm_ros.core.plant_full_model import DAMPING, make_constants, STIFFNESS
+from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.small_linalg import largest_rate
 from flexarm_ros.core.timeline import Timeline
 import numpy as np

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """
 What a part of a run publishes, in terms of numbers: names of the values, frames, variance.
 
@@ -19,13 +20,7 @@ The layer that makes bytes turns these into ROS messages (`flexarm_ros.bag.topic
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-from flexarm_ros.core.compiled import FloatArray
-import numpy as np
-
-Four = tuple[float, float, float, float]
 
 BASE_FRAME = 'base'
 JOINTS = ('shoulder', 'elbow')
@@ -66,45 +61,7 @@ class Signal:
     every: int = 1
 
 
-class State:
-    """
-    The plant's state of one tick, as those that read ``plant/state`` take it.
-
-    ``q``, ``qd``: coordinates, theta1, theta2 (rad) first, and their rates, shape ``(n,)``;
-    ``positions``, ``rates``: the same as floats of Python, which scalar code is fastest with;
-    ``ends``: delta1, delta2 (m) and their rates (m/s).
-    """
-
-    __slots__ = ('ends', 'positions', 'q', 'qd', 'rates')
-
-    def __init__(self, q: FloatArray, qd: FloatArray, ends: Four) -> None:
-        self.q, self.qd, self.ends = q, qd, ends
-        self.positions: list[float] = q.tolist()
-        self.rates: list[float] = qd.tolist()
-
-    def values(self) -> tuple[float, ...]:
-        """Return the values of the message: coordinates, deflections, then the rates of both."""
-        return (*self.positions, *self.ends[:2], *self.rates, *self.ends[2:])
-
-
-class MessageState(State):
-    """A state from the values of its message; arrays are made when somebody asks for them."""
-
-    __slots__ = ()
-
-    def __init__(self, values: Sequence[float]) -> None:
-        size = len(values) // 2 - 2
-        rates = size + 2
-        self.positions = list(values[:size])
-        self.rates = list(values[rates : rates + size])
-        self.ends = (values[size], values[size + 1], values[-2], values[-1])
-
-    @property
-    def q(self) -> FloatArray:  # type: ignore[override]
-        """Return the coordinates."""
-        return np.array(self.positions)
-
-    @property
-    def qd(self) -> FloatArray:  # type: ignore[override]
-        """Return the rates."""
-        return np.array(self.rates)
+def coordinate_names(modes: int) -> tuple[str, ...]:
+    """Return the names of the plant's coordinates: joints, then modes of link 1 and link 2."""
+    modal = [f'{link}_mode{i}' for link in LINKS for i in range(1, modes + 1)]
+    return (*JOINTS, *modal)

@@ -28,15 +28,9 @@ import sys
 import threading
 import time
 
-NURSERY = 'flexarm_ros.launcher.nursery'
-MODULES = (
-    'flexarm_ros.nodes.process',
-    *(f'flexarm_ros.nodes.{name}' for name in (
-        'plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder',
-    )),
-)  # fmt: skip
-"""What the nodes of a run import."""
+from flexarm_ros.nodes.classes import MODULES
 
+NURSERY = 'flexarm_ros.launcher.nursery'
 _LIMIT_S = 300.0
 """Wall time for imports, and for compiling where nothing has been compiled yet."""
 

@@ -26,6 +26,8 @@ import signal
 import time
 from typing import Any
 
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import Answer, PARTS, signals
 from flexarm_ros.nodes.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
 
 _CRASHES = {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
@@ -206,6 +208,7 @@ class RunWatch:
 
 
 def _nearness(line: dict[str, Any]) -> int:
-    """Order verdicts: the controller knows its sensors, the plant the controller."""
-    order = ('controller', 'plant', 'recorder', 'trajectory', 'encoder', 'tip_sensor')
-    return order.index(line['role']) if line['role'] in order else len(order)
+    """Order verdicts: who reads the most answers of others knows best who is silent."""
+    answers = {signal.name for part, signal in signals(RunConfig()) if issubclass(part, Answer)}
+    known = {part.NAME: len(answers & {*part.READS}) + part.FOR_THE_RECORD for part in PARTS}
+    return -known.get(line['role'], -1)

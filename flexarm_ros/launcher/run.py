@@ -30,6 +30,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
 from flexarm_ros.core.parameters import PaceParameters, RunConfig, specs
+from flexarm_ros.core.parts import REPLACEABLE, ROLES
 from flexarm_ros.core.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
@@ -38,10 +39,6 @@ from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.nodes.environment import log_directory
 from flexarm_ros.nodes.own_parameters import how_to_go_on
 from flexarm_ros.scenario.rclyaml import quoted
-
-ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
-REPLACEABLE = ('encoder', 'tip_sensor', 'trajectory', 'controller')
-"""Roles whose place a node of the user's can take."""
 
 VERDICT_S = 0.3
 """Wall time after the first failure in which a verdict nearer to the cause may come in."""

@@ -12,12 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Who reads what: the node graph of a run.
-
-The per-tick topics themselves, with their types and publishers, are in
-`flexarm_ros.bag.topics`; this table adds their readers.
-"""
+"""The node graph of a run in rclpy's terms, and the topics that serve its flow."""
 
 from __future__ import annotations
 
@@ -25,34 +20,12 @@ from importlib import import_module
 from typing import Any
 
 from flexarm_ros.bag.topics import Qos, Topic
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import PARTS, readers
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-ROLES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
-"""Participants of a run; a missing one keeps the others waiting."""
-
-OUTPUT = {
-    'plant': 'plant/state',
-    'encoder': 'joint_states',
-    'tip_sensor': 'tip_sensor/odometry',
-    'trajectory': 'reference',
-    'controller': 'joint_command',
-}
+OUTPUT = {part.NAME: own[-1].name for part in PARTS if (own := part.signals(RunConfig()))}
 """The topic by which a node of somebody else's is recognised to fill a role."""
-
-READERS: dict[str, tuple[str, ...]] = {
-    '/clock': ('recorder',),
-    'plant/state': ('encoder', 'tip_sensor', 'controller', 'recorder'),
-    'joint_states': ('controller', 'recorder'),
-    'tip_sensor/odometry': ('controller', 'recorder'),
-    'reference': ('controller', 'recorder'),
-    'joint_command': ('plant', 'recorder'),
-}
-"""Topic -> roles that read it; order of a reader's inputs is the order in which it waits."""
-
-
-def readers(topic: str) -> tuple[str, ...]:
-    """Return the roles that read ``topic``; what is not in `READERS` is for the record only."""
-    return READERS.get(topic, ('recorder',))
 
 
 RECORDED_TOPIC = 'lockstep/recorded'
@@ -83,3 +56,8 @@ def qos_profile(qos: Qos) -> QoSProfile:
 def reads(role: str, topic: Topic) -> bool:
     """Whether ``role`` reads ``topic``."""
     return role in readers(topic.name)
+
+
+def read_by(role: str) -> tuple[str, ...]:
+    """Return the topics that the part of ``role`` needs of a tick."""
+    return next(part.READS for part in PARTS if role == part.NAME)

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from flexarm_ros.nodes.participant import Participant
 
 Values = tuple[float, ...]
-SENSORS = ('encoder', 'tip_sensor')
 HOUSEKEEPING_S = 0.1
 """Wall time between looks at the peers while a run goes on."""
 
@@ -161,7 +160,7 @@ class Input:
         self.topic = topic
         self._decode = topic.codec.decode
         self._first_ns, self._period_ns = timeline.stamp_ns(0), topic.every * timeline.period_ns
-        self._exact = topic.node not in SENSORS
+        self._exact = not topic.late
 
     def drain(self) -> None:
         """Throw away what is in the queue and expect tick 0 next."""

@@ -22,10 +22,11 @@ import time
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import readers, ROLES
 from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
 from flexarm_ros.nodes.compatibility import connects, publisher_fault, shown, subscriber_faults
 from flexarm_ros.nodes.epochs import epoch_of, plant_of
-from flexarm_ros.nodes.graph import OUTPUT, READERS, readers, ROLES
+from flexarm_ros.nodes.graph import OUTPUT, read_by
 from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
 from flexarm_ros.nodes.lockstep import NeverMet, RunFailed
 from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
@@ -303,7 +304,7 @@ class Membership:
         in between would cost it the first message.
         """
         senders = {source_of(endpoint) for endpoint in strangers}
-        topics = [topic for topic, roles in READERS.items() if role in roles]
+        topics = read_by(role)
         readers = {
             source_of(endpoint)
             for topic in topics

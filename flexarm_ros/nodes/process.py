@@ -27,6 +27,9 @@ import traceback
 from typing import Any
 
 from flexarm_ros.core.ending import handle_ending
+from flexarm_ros.core.parts import ROLES
+from flexarm_ros.nodes.answering import answering_node
+from flexarm_ros.nodes.classes import module_of, OWN
 from flexarm_ros.nodes.environment import (
     enforce_security,
     environment_domain,
@@ -44,14 +47,6 @@ from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-CLASSES = {
-    'plant': 'PlantNode',
-    'encoder': 'EncoderNode',
-    'tip_sensor': 'TipSensorNode',
-    'trajectory': 'TrajectoryNode',
-    'controller': 'ControllerNode',
-    'recorder': 'RecorderNode',
-}
 COMPOSE = 'compose'
 
 _RECORDER_NICE = 10
@@ -76,8 +71,8 @@ def run_process(name: str, argv: list[str]) -> int:
         from flexarm_ros.nodes.viewer import view
 
         return view(argv)
-    if name not in CLASSES and name != COMPOSE:
-        print(f'no node {name}: {", ".join([*CLASSES, "player", "viewer"])}', file=sys.stderr)
+    if name not in (*ROLES, COMPOSE):
+        print(f'no node {name}: {", ".join([*ROLES, "player", "viewer"])}', file=sys.stderr)
         return 2
     try:
         start(name, argv)
@@ -106,7 +101,7 @@ def run_process(name: str, argv: list[str]) -> int:
 def _composed(argv: list[str]) -> list[str]:
     """Return the nodes that share this process: those named before the ROS arguments, or all."""
     words = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
-    return [name for name in CLASSES if name in words] or list(CLASSES)
+    return [name for name in ROLES if name in words] or list(ROLES)
 
 
 def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
@@ -135,8 +130,9 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
 
 
 def _make(name: str, argv: list[str], supervisor: Supervisor) -> Participant:
-    module = import_module(f'flexarm_ros.nodes.{name}')
-    node: Participant = getattr(module, CLASSES[name])(argv, supervisor)
+    if name not in OWN:
+        return answering_node(name)(argv, supervisor)
+    node: Participant = getattr(import_module(module_of(name)), OWN[name])(argv, supervisor)
     return node
 
 

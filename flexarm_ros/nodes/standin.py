@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING
 
 from flexarm_ros.bag.topics import COMMAND, per_tick_topics
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import ROLES
 from flexarm_ros.nodes.agreement import dump_sections
 from flexarm_ros.nodes.compatibility import publisher_fault, subscriber_faults
 from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import message_class, qos_profile, ROLES
+from flexarm_ros.nodes.graph import message_class, qos_profile
 from flexarm_ros.nodes.identity import UNKNOWN_NODE
 from flexarm_ros.nodes.lockstep import RunFailed
 from flexarm_ros.nodes.middleware import source_of

@@ -46,6 +46,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import ROLES
 from flexarm_ros.scenario.compare import Comparison
 from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.expect import Expectation, Metrics, Outcome, read_expectations
@@ -63,7 +64,6 @@ from flexarm_ros.scenario.treeread import (
     overrides_of,
 )
 
-NODES = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
 ACTIONS = ('kill', 'terminate', 'pause', 'delay')
 MODES = ('run', 'compose', 'simulate')
 VERDICTS = ('holds', 'in part', 'does not hold')
@@ -281,7 +281,7 @@ def _read_fault(tree: Tree, where: str, config: RunConfig) -> Fault:
     if ('for' in entries) != (action == 'delay'):
         raise ScenarioError(f"{where}.for: the seconds of action 'delay', and of no other")
     seconds = as_number(entries['for'], f'{where}.for', 0.0) if 'for' in entries else 0.0
-    return Fault(at, as_text(entries['node'], f'{where}.node', NODES), action, seconds)
+    return Fault(at, as_text(entries['node'], f'{where}.node', ROLES), action, seconds)
 
 
 def _read_comparisons(

@@ -1,0 +1,107 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node of any part that answers: sensors and the controller."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parts import answer_of, STATE
+from flexarm_ros.core.state import MessageState
+from flexarm_ros.nodes.lockstep import Input, RunFailed
+from flexarm_ros.nodes.participant import Participant
+
+
+class AnsweringNode(Participant):
+    """Answers each tick when it has every input of that tick, as the role's part says."""
+
+    def build(self) -> None:
+        """Make the part."""
+        kind = answer_of(self.ROLE)
+        self._part = kind(self.config)
+        self._late = kind.LATE
+        self._reads = [self.inputs[name] for name in kind.READS]
+        self._state = self.inputs[STATE] if STATE in kind.READS else None
+        # Here before they are needed: taken while the plant has its turn.
+        self._ahead = [entry for entry in self._reads if entry.topic.ahead]
+        self._configure(self.config)
+
+    def rehearse(self) -> None:
+        """Compile before the run."""
+        zeros = [(0.0,) * len(entry.topic.codec.fields) for entry in self._reads]
+        copy.deepcopy(self._part).answer(0, *map(_view, self._reads, zeros))
+
+    def check_live(self, config: RunConfig) -> None:
+        """Raise ValueError where the part cannot take a live parameter of ``config``."""
+        self._part.check_live(config)
+
+    def retune(self, config: RunConfig) -> None:
+        """Let the part take its live parameters; its messages may tell of them."""
+        self._part.retune(config)
+        self._configure(config)
+
+    def _configure(self, config: RunConfig) -> None:
+        for topic in per_tick_topics(config):
+            if topic.name in self.outputs:
+                self.outputs[topic.name].configure(topic, self.timeline)
+        self._sends = [output.send for output in self.outputs.values()]
+        self._several = len(self._sends) > 1
+
+    def advance(self) -> bool:
+        """Answer this tick."""
+        reads = self._reads
+        if not self.have(*reads):
+            return False
+        tick = self.tick
+        answer = self._part.answer(tick, *[_view(entry, entry.values) for entry in reads])
+        fault = self._part.fault(tick, answer)
+        if fault is not None:
+            raise RunFailed(self._part.title, fault)
+        for send, message in zip(self._sends, answer if self._several else (answer,), strict=True):
+            if self._late:
+                send(*message)
+            else:
+                send(self.timeline.stamp_ns(tick), *message)
+        self.tick += 1
+        self.check_end()
+        for entry in self._ahead:
+            entry.fetch(self.tick)
+        return True
+
+    def waiting_for(self) -> tuple[str, str]:
+        """Blame the plant where there is no state, else whoever is silent."""
+        # Tried in turn: the one that is missing keeps the others from being fetched.
+        state = [self._state] if self._state is not None else []
+        for entry in (*state, *self.inputs.values()):
+            if not entry.fetch(self.tick):
+                return entry.source, f'no message on {entry.topic.name}'
+        return '', ''
+
+    def patience_s(self) -> float:
+        """Speak first of a sensor, but let the plant say itself what holds it up."""
+        return 0.5 if self._state is not None and not self._state.fetch(self.tick) else 0.0
+
+
+def answering_node(role: str) -> type[AnsweringNode]:
+    """Return the class of the node that fills ``role``."""
+    return type(f'{answer_of(role).__name__}Node', (AnsweringNode,), {'ROLE': role})
+
+
+def _view(entry: Input, values: tuple[float, ...]) -> Any:
+    """Return the values of a message as parts take them."""
+    return MessageState(values) if entry.topic.name == STATE else values

@@ -1,0 +1,31 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which class is the node of a role; needs no ROS, for it is asked before that is loaded."""
+
+from __future__ import annotations
+
+from flexarm_ros.core.parts import ROLES
+
+OWN = {'plant': 'PlantNode', 'trajectory': 'TrajectoryNode', 'recorder': 'RecorderNode'}
+"""Roles whose node does more than answer: its class, in the module of the role's name."""
+
+
+def module_of(role: str) -> str:
+    """Return the module with the node of ``role``."""
+    return f'flexarm_ros.nodes.{role if role in OWN else "answering"}'
+
+
+MODULES = ('flexarm_ros.nodes.process', *dict.fromkeys(map(module_of, ROLES)))
+"""What the nodes of a run import."""
