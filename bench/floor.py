@@ -209,7 +209,7 @@ def by_executor(node: Skeleton, role: str, executor: SingleThreadedExecutor) -> 
                 state['sent'] = True
             if min(node.count.values()) <= state['tick']:
                 return
-            if role in ('encoder', 'tip_sensor', 'controller'):
+            if role not in ('plant', 'recorder'):
                 next(iter(node.publish.values()))()
             state['sent'] = False
             state['tick'] += 1
