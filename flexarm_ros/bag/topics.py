@@ -110,8 +110,12 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """Return the topics of a run in canonical order."""
     return tuple(
         Topic(
-            signal.name, part.NAME, codec(signal.content), every=signal.every,
-            late=part.LATE, ahead=part.AHEAD,
+            signal.name,
+            part.NAME,
+            codec(signal.content),
+            every=signal.every,
+            late=part.LATE,
+            ahead=part.AHEAD,
         )
         for part, signal in parts.signals(config)
     )
