@@ -232,7 +232,7 @@ class ControllerPart(Answer):
 
         self.law = make_law(config)
         self._torque, self._sample = self.law.torque, Sample
-        self.fault = torque_fault  # type: ignore[method-assign]
+        self.fault = torque_fault  # type: ignore[method-assign, assignment]
         self._law = config.controller.law
         self.retune = self.law.retune  # type: ignore[method-assign]
 
