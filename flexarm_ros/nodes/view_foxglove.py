@@ -29,7 +29,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.bag.topics import BASE_FRAME
+from flexarm_ros.core.signals import BASE_FRAME
 from flexarm_ros.nodes.skeleton import transforms
 from flexarm_ros.nodes.view_ros import BLUE, GREEN, GREY, ORANGE, PINK
 from flexarm_ros.nodes.view_scene import Frame, Point, Scene

@@ -21,8 +21,8 @@ from importlib import import_module
 import math
 from typing import Any
 
-from flexarm_ros.bag.topics import BASE_FRAME
 from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.signals import BASE_FRAME
 from flexarm_ros.nodes.skeleton import transforms, urdf
 from flexarm_ros.nodes.view_scene import Frame, Point, Scene
 from geometry_msgs.msg import Point as PointMessage
