@@ -26,7 +26,7 @@ import tempfile
 
 from bench.launch import Cost, floor, LIMIT_S, MeasurementFailed, nodes
 from bench.table import markdown, Part, Ratio
-from flexarm_ros.core.parts import ROLES
+from flexarm_ros.core.run.parts import ROLES
 
 TICKS = 4000
 ROUNDS = 5

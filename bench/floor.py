@@ -35,9 +35,8 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.topics import per_tick_topics, Topic
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import (
+from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.graph import (
     message_class,
     qos_profile,
     readers,
@@ -46,6 +45,7 @@ from flexarm_ros.nodes.graph import (
     TICK_TOPIC,
 )
 from flexarm_ros.nodes.trajectory import ahead_until
+from flexarm_ros.wire.topics import per_tick_topics, Topic
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node

@@ -141,7 +141,7 @@ def _sensors() -> dict[int, float]:
 
 def _draw(plain: dict[int, Used], bag: dict[int, Used], modes: dict[int, float],
           sensors: dict[int, float]) -> None:  # fmt: skip
-    from flexarm_ros.analysis.figures_style import BLUE, drawing, new_figure, ORANGE
+    from flexarm_ros.analysis.figures.style import BLUE, drawing, new_figure, ORANGE
 
     with drawing():
         figure = new_figure(9.6, 2.8)

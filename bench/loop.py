@@ -27,9 +27,9 @@ import time
 from bench.table import markdown, Part, Ratio
 from flexarm_ros import scenario
 from flexarm_ros.bag.simulation import loop_blocks
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.warmup import warm_up
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.warmup import warm_up
 
 TICKS = 4000
 ROUNDS = 5
@@ -39,7 +39,7 @@ _START = """
 import time
 start = time.perf_counter()
 from flexarm_ros import scenario
-from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.run.loop import ClosedLoop
 ClosedLoop(scenario.load("fls_tip")).tick()
 print(time.perf_counter() - start, time.process_time())
 """

@@ -31,10 +31,10 @@ from typing import Any
 
 from bench.launch import processes
 from bench.table import markdown, Part, Ratio
-from flexarm_ros.bag.cdr import JointStateCodec
-from flexarm_ros.bag.topics import Topic
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.parameters import RunConfig, RunParameters
+from flexarm_ros.core.parameters.sections import RunConfig, RunParameters
+from flexarm_ros.wire.cdr import JointStateCodec
+from flexarm_ros.wire.topics import Topic
 
 COUNTS = (1, 10, 50)
 JOINTS = {'small': 2, '10 KiB': 364}
@@ -111,8 +111,8 @@ class _Recorder:
     """Takes messages in batches as the node ``recorder`` does, and writes them."""
 
     def __init__(self, context: Any, count: int, kind: str) -> None:
-        from flexarm_ros.nodes.endpoints import HOT, Waiter
-        from flexarm_ros.nodes.graph import message_class, qos_profile
+        from flexarm_ros.nodes.runtime.endpoints import HOT, Waiter
+        from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
         from rclpy.node import Node
 
         self._topics = topics(count, kind)
@@ -196,7 +196,7 @@ def write_bare(count: int, kind: str) -> float:
 
 def publish(count: int, kind: str) -> int:
     """Publish at the rates that come on standard input."""
-    from flexarm_ros.nodes.graph import message_class, qos_profile
+    from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
     import rclpy
     from rclpy.impl.implementation_singleton import rclpy_implementation
 

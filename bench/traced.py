@@ -32,10 +32,12 @@ from typing import Any
 
 from bench.launch import PLAIN
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core import control, sensors
-from flexarm_ros.core.plant import Eq14Plant
+from flexarm_ros.core import control
+from flexarm_ros.core.arm.plant import Eq14Plant
+from flexarm_ros.core.sensing import sensors
 from flexarm_ros.core.trajectory import Reference
-from flexarm_ros.nodes import endpoints, lockstep, participant, process
+from flexarm_ros.nodes import process
+from flexarm_ros.nodes.runtime import endpoints, lockstep, participant
 
 PARTS: dict[str, int] = {}
 """Part -> nanoseconds of processor time."""

@@ -28,7 +28,7 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-RVIZ = Path(str(files('flexarm_ros.nodes'))) / 'assets' / 'flexarm.rviz'
+RVIZ = Path(str(files('flexarm_ros.nodes.view'))) / 'assets' / 'flexarm.rviz'
 ARGUMENTS = {
     'namespace': ('', 'namespace of the arm'),
     'rviz': ('true', 'whether to start RViz'),

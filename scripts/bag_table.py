@@ -33,10 +33,10 @@ import time
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.simulation import loop_blocks
-from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.wire.topics import per_tick_topics
 
 SETTINGS = [
     (name, chunk) for name in ('none', 'lz4', 'zstd') for chunk in (0.05, 0.1, 0.2, 0.5, 2.0)

@@ -42,7 +42,8 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.launcher import litter, run
+from flexarm_ros.launcher import run
+from flexarm_ros.launcher import shm_cleanup as litter
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import NodeProcesses
 

@@ -21,7 +21,7 @@ asks for one.
 
 from flexarm_ros import scenario
 from flexarm_ros.core.control import PLANNING
-from flexarm_ros.core.warmup import warm_up
+from flexarm_ros.core.run.warmup import warm_up
 
 for name in scenario.shipped():
     config = scenario.load(name, [])

@@ -23,8 +23,8 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
 
 OPEN_LOOP = ((0.0, 1.0, -2.0), (0.1, 3.5, 0.25), (0.2, -1.0, 1e-3))
 
@@ -45,7 +45,7 @@ def write_small(directory: Path, config: RunConfig, origin: Provenance | None = 
 @cache
 def small_messages(config: RunConfig) -> tuple[tuple[bytes, ...], ...]:
     """Return the messages of each tick of a simulation."""
-    from flexarm_ros.bag.topics import per_tick_topics
+    from flexarm_ros.wire.topics import per_tick_topics
 
     topics = per_tick_topics(config)
     found = []

@@ -26,15 +26,16 @@ import time
 
 from bagtools import small_messages
 from flexarm_ros import scenario
-from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.bag.verify import verify
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.launcher import litter, processes, run
+from flexarm_ros.launcher import processes, run
+from flexarm_ros.launcher import shm_cleanup as litter
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.nodes.plant import RECORDER_WINDOW
 from flexarm_ros.nodes.trajectory import AHEAD
-from flexarm_ros.scenario.suite import Fault
+from flexarm_ros.scenario.suites.suite import Fault
+from flexarm_ros.wire.topics import per_tick_topics
 from mcap.reader import make_reader
 import pytest
 from rclpy import get_rmw_implementation_identifier

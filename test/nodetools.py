@@ -24,7 +24,7 @@ import sys
 import threading
 import time
 
-from flexarm_ros.core.parts import ROLES
+from flexarm_ros.core.run.parts import ROLES
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = {*ROLES, 'player', 'viewer'}

@@ -25,7 +25,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag import outputs
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.simulation import loop_blocks
-from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.run.loop import ClosedLoop
 
 
 def fly(directory: Path, name: str, *overrides: str) -> Path:

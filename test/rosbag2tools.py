@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from bagtools import small_messages
-from flexarm_ros.bag.foreign import typestore
 from flexarm_ros.bag.metadata import definition
-from flexarm_ros.bag.topics import per_tick_topics, REFERENCE
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.wire.generic_decode import typestore
+from flexarm_ros.wire.topics import per_tick_topics, REFERENCE
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer

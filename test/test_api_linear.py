@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import flexarm_ros as fa
-from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_form import NoLinearFormError
+from flexarm_ros.stability.form import NoLinearFormError
+from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
 import pytest
 

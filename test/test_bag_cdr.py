@@ -21,10 +21,10 @@ import math
 import struct
 from typing import Any
 
-from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
-from flexarm_ros.bag.foreign import typestore
-from flexarm_ros.bag.topics import COMMAND, per_tick_topics
-from flexarm_ros.core.parameters import PlantParameters, RunConfig, TipSensorParameters
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
+from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
+from flexarm_ros.wire.generic_decode import typestore
+from flexarm_ros.wire.topics import COMMAND, per_tick_topics
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np

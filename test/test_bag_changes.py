@@ -20,18 +20,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.changes import decode, encode
 from flexarm_ros.bag.compare import compare
 from flexarm_ros.bag.export import export
+from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.recompute import loop_messages
-from flexarm_ros.bag.recover import recover
-from flexarm_ros.bag.topics import per_tick_topics, TIP
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import changed, RunConfig
+from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.wire.parameter_event import decode, encode
+from flexarm_ros.wire.topics import per_tick_topics, TIP
 import pytest
 
 CHANGES = (

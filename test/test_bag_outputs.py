@@ -25,18 +25,18 @@ from typing import Any
 from bagtools import small_config, small_messages, write_small
 from flexarm_ros.bag import outputs
 from flexarm_ros.bag.compare import compare
+from flexarm_ros.bag.embedded_metadata import bag_config
 from flexarm_ros.bag.errors import BagError, BagExistsError
 from flexarm_ros.bag.export import export, NO_PYARROW
-from flexarm_ros.bag.frontmatter import bag_config
 from flexarm_ros.bag.outputs import unfinished_summary, write_summary
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.simulation import loop_blocks, simulate
-from flexarm_ros.bag.topics import COMMAND, per_tick_topics, STATE
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.metrics import Metrics
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE
 import numpy as np
 import pytest
 

@@ -36,15 +36,15 @@ from flexarm_ros.bag.errors import (
     BagFormatError,
     BagLimitError,
 )
-from flexarm_ros.bag.mcapfile import MAGIC, McapFile
+from flexarm_ros.bag.mcap.mcapfile import MAGIC, McapFile
+from flexarm_ros.bag.mcap.recover import recover
+from flexarm_ros.bag.mcap.scan import MAX_CHUNK_DATA
 from flexarm_ros.bag.metadata import definition, read_counts
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.recover import recover
-from flexarm_ros.bag.scan import MAX_CHUNK_DATA
-from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
+from flexarm_ros.wire.topics import per_tick_topics
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import lz4.frame

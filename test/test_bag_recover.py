@@ -30,9 +30,9 @@ import sys
 
 from bagtools import small_config, small_messages, write_small
 from flexarm_ros.bag.errors import BagError, BagExistsError
+from flexarm_ros.bag.mcap.recover import recover, Rescue
+from flexarm_ros.bag.mcap.scan import Scanner
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.recover import recover, Rescue
-from flexarm_ros.bag.scan import Scanner
 from flexarm_ros.cli import main
 from mcap.reader import make_reader
 from mcap.writer import Writer

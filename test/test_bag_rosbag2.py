@@ -27,11 +27,14 @@ from typing import Literal
 
 from bagtools import small_config, small_messages, write_small
 from flexarm_ros import scenario
-from flexarm_ros.analysis.report_runs import load_run
-from flexarm_ros.bag import changes
+from flexarm_ros.analysis.report.runs import load_run
 from flexarm_ros.bag.errors import BagContentError, BagError
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.topics import (
+from flexarm_ros.bag.verify import verify
+from flexarm_ros.cli import main
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.wire import parameter_event as changes
+from flexarm_ros.wire.topics import (
     COMMAND,
     JOINT_STATES,
     per_tick_topics,
@@ -40,9 +43,6 @@ from flexarm_ros.bag.topics import (
     TIP,
     topics_of,
 )
-from flexarm_ros.bag.verify import verify
-from flexarm_ros.cli import main
-from flexarm_ros.core.parameters import RunConfig
 from mcap.writer import CompressionType
 import numpy as np
 import pytest
@@ -456,7 +456,7 @@ def test_a_bag_without_a_message_of_a_run(
 
 
 def test_unchunked_is_recovered_as_far_as_it_goes(tmp_path: Path) -> None:
-    from flexarm_ros.bag.recover import recover
+    from flexarm_ros.bag.mcap.recover import recover
 
     path = write_mcap(tmp_path / 'x.mcap', all_of(), chunked=False)
     rescue = recover(path, tmp_path / 'new')

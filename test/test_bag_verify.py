@@ -25,18 +25,19 @@ from typing import Any
 
 from bagtools import OPEN_LOOP, small_config, small_messages, write_small
 from flexarm_ros import scenario
-from flexarm_ros.bag import frontmatter, provenance
+from flexarm_ros.bag import embedded_metadata as frontmatter
+from flexarm_ros.bag import provenance
 from flexarm_ros.bag import writer as bag_writer
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.foreign import typestore
+from flexarm_ros.bag.mcap.scan import Scanner
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.scan import Scanner
-from flexarm_ros.bag.topics import COMMAND, per_tick_topics, STATE
 from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.wire.generic_decode import typestore
+from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE
 import pytest
 
 CONFIG = small_config('encoder.latency=0.0005', 'tip_sensor.latency=0.0015')

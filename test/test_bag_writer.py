@@ -31,9 +31,9 @@ from flexarm_ros.bag.blocks import decode_ticks
 from flexarm_ros.bag.errors import BagContentError, BagError, BagExistsError
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.topics import COMMAND, JOINT_STATES, per_tick_topics, STATE, TIP
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.wire.topics import COMMAND, JOINT_STATES, per_tick_topics, STATE, TIP
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np

@@ -144,7 +144,7 @@ def test_an_interrupted_run_keeps_what_it_has_and_says_so(
 
 def test_list_laws_prints_one_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     from flexarm_ros.core.control import LAWS
-    from flexarm_ros.core.parameters import ControllerParameters, specs
+    from flexarm_ros.core.parameters.sections import ControllerParameters, specs
 
     assert cli.main(['simulate', '--list-laws']) == 0
     assert capsys.readouterr().out.splitlines() == list(LAWS)
@@ -210,7 +210,7 @@ def test_a_law_without_a_finite_torque_is_named_with_its_tick(
 ) -> None:
     """It read "unstable: shoulder: nan", or in the last tick "stable"."""
     import flexarm_ros as fa
-    from flexarm_ros.analysis.sweep_worker import fly
+    from flexarm_ros.analysis.sweep.worker import fly
     from flexarm_ros.bag.verify import verify
     from flexarm_ros.core.control import Law, LAWS, Sample
 

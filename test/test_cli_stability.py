@@ -23,7 +23,7 @@ from typing import Any
 
 from flexarm_ros import scenario
 import flexarm_ros.cli as cli
-from flexarm_ros.core.stability import SampledLoop
+from flexarm_ros.stability.sampled_loop import SampledLoop
 import pytest
 
 

@@ -29,7 +29,11 @@ import sys
 import time
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis import sweep_engine, sweep_pictures, sweep_worker
+from flexarm_ros.analysis.sweep import engine as sweep_engine
+from flexarm_ros.analysis.sweep import pictures as sweep_pictures
+from flexarm_ros.analysis.sweep import worker as sweep_worker
+from flexarm_ros.analysis.sweep.pictures import write_pictures
+from flexarm_ros.analysis.sweep.store import make_table, StoreError, SweepStore
 from flexarm_ros.analysis.sweep_linear import (
     analyse_grid,
     BEST,
@@ -38,11 +42,9 @@ from flexarm_ros.analysis.sweep_linear import (
     linear_table,
     WORST,
 )
-from flexarm_ros.analysis.sweep_pictures import write_pictures
-from flexarm_ros.analysis.sweep_store import make_table, StoreError, SweepStore
 import flexarm_ros.cli as cli
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.scenario import sweep as sweeps
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.scenario.sweeps import sweep as sweeps
 import pytest
 
 SWEEP = """

@@ -26,7 +26,7 @@ from flexarm_ros import code_cache
 import pytest
 
 PROGRAM = (
-    'from flexarm_ros.core.kinematics import rigid_point\n'
+    'from flexarm_ros.core.arm.kinematics import rigid_point\n'
     'print(rigid_point(1.0, 1.0, 0.0, 0.0, 0.0, 0.0))'
 )
 RIGHT = '(2.0, 0.0, -0.0, 0.0)'

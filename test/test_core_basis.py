@@ -19,18 +19,18 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from flexarm_ros.core.basis import (
+from flexarm_ros.core.arm.basis import (
     Basis,
     clamped_clamped_root,
     composite_rule,
     identity,
     orthogonal_basis,
 )
-from flexarm_ros.core.basis_arm import arm_bases
-from flexarm_ros.core.basis_integrals import linear_integrals, shortening_integrals
-from flexarm_ros.core.beam import clamped_free_root, ClampedFreeModes
-from flexarm_ros.core.parameters import PlantParameters
-from flexarm_ros.core.plant_full_model import link_bases
+from flexarm_ros.core.arm.basis_arm import arm_bases
+from flexarm_ros.core.arm.basis_integrals import linear_integrals, shortening_integrals
+from flexarm_ros.core.arm.beam import clamped_free_root, ClampedFreeModes
+from flexarm_ros.core.arm.plant_full_model import link_bases
+from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 import pytest
 from scipy.integrate import quad

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.beam import AMPLITUDE, clamped_free_root, ClampedFreeModes
+from flexarm_ros.core.arm.beam import AMPLITUDE, clamped_free_root, ClampedFreeModes
 import numpy as np
 import pytest
 from scipy.optimize import brentq

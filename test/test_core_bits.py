@@ -21,8 +21,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core import compiled as compiling
-from flexarm_ros.core import plant_eq14
+from flexarm_ros.core.arm import plant_eq14
+from flexarm_ros.core.numerics import compiled as compiling
 from llvmlite import binding
 import numba
 import numpy as np
@@ -89,7 +89,7 @@ def undefined_calls(node: ast.Call) -> Iterator[str]:
 
 @pytest.mark.parametrize('path', modules(), ids=lambda p: p.relative_to(PACKAGE).as_posix())
 def test_only_operations_with_defined_bits(path: Path) -> None:
-    """Use flexarm_ros.core.elementary and small_linalg instead of what is named here."""
+    """Use flexarm_ros.core.numerics.elementary and small_linalg instead of what is named here."""
     assert sorted(set(undefined(path.read_text('utf-8')))) == []
 
 

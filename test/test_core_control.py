@@ -19,10 +19,10 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.control import gain_of, LAWS, make_law, Sample
-from flexarm_ros.core.fls import fls_lambda
-from flexarm_ros.core.kinematics import make_point
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.control.fls import fls_lambda
+from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
     PlantParameters,
     RunConfig,
@@ -158,6 +158,6 @@ def test_a_bad_table_names_the_key(rows) -> None:
 
 
 def test_every_choice_of_the_parameter_is_a_law() -> None:
-    from flexarm_ros.core.parameters import specs
+    from flexarm_ros.core.parameters.sections import specs
 
     assert set(specs(ControllerParameters)['law'][1].choices) == set(LAWS)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.delay import BufferDelay, PadeDelay
+from flexarm_ros.core.sensing.delay import BufferDelay, PadeDelay
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np

@@ -19,13 +19,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flexarm_ros import scenario
+from flexarm_ros.core.arm.plant_full_dynamics import acceleration, step
+from flexarm_ros.core.arm.plant_full_model import Constants, link_bases, make_constants_on
 from flexarm_ros.core.control.design import model
 from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
 from flexarm_ros.core.control.design.motion import APART, around, make_arm, model_of
 from flexarm_ros.core.control.design.plan import Grid, Motion
 from flexarm_ros.core.control.design.regulator import fill_regulator, RegulatorWeights
-from flexarm_ros.core.plant_full_dynamics import acceleration, step
-from flexarm_ros.core.plant_full_model import Constants, link_bases, make_constants_on
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are

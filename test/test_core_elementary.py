@@ -21,7 +21,7 @@ import math
 import random
 from typing import Any
 
-from flexarm_ros.core import elementary
+from flexarm_ros.core.numerics import elementary
 import pytest
 
 mpmath = pytest.importorskip('mpmath')

@@ -20,17 +20,17 @@ from dataclasses import replace
 import math
 from typing import Any
 
-from flexarm_ros.core.beam import clamped_free_root
-from flexarm_ros.core.linear import solve_symmetric
-from flexarm_ros.core.parameters import PlantParameters, RunConfig, RunParameters
-from flexarm_ros.core.plant import (
+from flexarm_ros.core.arm.beam import clamped_free_root
+from flexarm_ros.core.arm.plant import (
     highest_frequency,
     instability,
     make_plant,
     Plant,
     STABLE_PHASE,
 )
-from flexarm_ros.core.plant_eq14 import Eq14Matrices
+from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
+from flexarm_ros.core.numerics.linear import solve_symmetric
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
 import numpy as np
 import pytest
 from scipy.linalg import eigh

@@ -19,8 +19,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from flexarm_ros.core.fls import fls_lambda
-from flexarm_ros.core.fls_definition import build, describe, INPUT_SETS, OUTPUT_SETS, RULES
+from flexarm_ros.core.control.fls import fls_lambda
+from flexarm_ros.core.control.fls_definition import build, describe, INPUT_SETS, OUTPUT_SETS, RULES
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -126,7 +126,7 @@ def test_description_names_every_rule_and_set() -> None:
 
 def test_the_loop_does_not_import_scikit_fuzzy() -> None:
     code = (
-        'import sys, flexarm_ros.core.warmup, flexarm_ros.core.fls_definition;'
+        'import sys, flexarm_ros.core.run.warmup, flexarm_ros.core.control.fls_definition;'
         "sys.exit(any(m.split('.')[0] in ('skfuzzy', 'rclpy') for m in sys.modules))"
     )
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0

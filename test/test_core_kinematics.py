@@ -18,15 +18,15 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.beam import ClampedFreeModes
-from flexarm_ros.core.kinematics import (
+from flexarm_ros.core.arm.beam import ClampedFreeModes
+from flexarm_ros.core.arm.kinematics import (
     inverse_kinematics,
     jacobian,
     make_point,
     rigid_point,
     round_off,
 )
-from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.parameters.sections import PlantParameters
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np

@@ -20,10 +20,7 @@ from dataclasses import replace
 import math
 import re
 
-from flexarm_ros.core.checks import check
-from flexarm_ros.core.loop import ClosedLoop, TickRecord
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
     EncoderParameters,
     PlantParameters,
@@ -32,9 +29,12 @@ from flexarm_ros.core.parameters import (
     TipSensorParameters,
     TrajectoryParameters,
 )
-from flexarm_ros.core.rows import COLUMNS, Rows
+from flexarm_ros.core.run.checks import check
+from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import COLUMNS, Rows
+from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.core.trajectory import Reference
-from flexarm_ros.core.warmup import warm_up
 import numpy as np
 import pytest
 

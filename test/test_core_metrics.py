@@ -19,9 +19,9 @@ from __future__ import annotations
 import math
 import tracemalloc
 
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import RunConfig, RunParameters, TrajectoryParameters
-from flexarm_ros.core.rows import COLUMNS
+from flexarm_ros.core.parameters.sections import RunConfig, RunParameters, TrajectoryParameters
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
 import numpy as np
 import pytest
 

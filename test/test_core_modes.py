@@ -21,8 +21,8 @@ import json
 import math
 
 from flexarm_ros.cli import main
-from flexarm_ros.core.modes import JOINTS, linearise, natural_frequencies
-from flexarm_ros.core.parameters import PlantParameters, RunConfig
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
+from flexarm_ros.stability.modes import JOINTS, linearise, natural_frequencies
 import numpy as np
 import pytest
 from scipy.linalg import eigh

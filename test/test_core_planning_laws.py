@@ -20,13 +20,13 @@ from dataclasses import replace
 from functools import lru_cache
 
 from flexarm_ros import scenario
-from flexarm_ros.core.checks import check
 from flexarm_ros.core.control import LAWS, make_law, PLANNING
 from flexarm_ros.core.control.design import motion
 from flexarm_ros.core.control.lqg import AdaptiveLaw
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.rows import Rows
+from flexarm_ros.core.run.checks import check
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import Rows
 import numpy as np
 import pytest
 

@@ -19,15 +19,15 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from flexarm_ros.core.kinematics import make_point
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.parameters.sections import (
     EncoderParameters,
     PlantParameters,
     RunConfig,
     RunParameters,
     TipSensorParameters,
 )
-from flexarm_ros.core.sensors import (
+from flexarm_ros.core.sensing.sensors import (
     check_location,
     Encoder,
     Noise,

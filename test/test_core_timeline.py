@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 
-from flexarm_ros.core.parameters import RunParameters
+from flexarm_ros.core.parameters.sections import RunParameters
 from flexarm_ros.core.timeline import seconds_to_ns, T0_NS, Timeline
 from hypothesis import given
 from hypothesis import strategies as st

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.parameters.sections import (
     PlantParameters,
     RunConfig,
     RunParameters,

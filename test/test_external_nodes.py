@@ -24,21 +24,21 @@ from typing import Any
 
 from bagtools import small_config, write_small
 from flexarm_ros import scenario
-from flexarm_ros.analysis.figures import write_figures
-from flexarm_ros.analysis.figures_style import panel_title, panels
-from flexarm_ros.analysis.report import render
-from flexarm_ros.analysis.report_claims import evaluate
-from flexarm_ros.analysis.report_runs import labels, load_run
+from flexarm_ros.analysis.figures.runs import write_figures
+from flexarm_ros.analysis.figures.style import panel_title, panels
+from flexarm_ros.analysis.report.claims import evaluate
+from flexarm_ros.analysis.report.page import render
+from flexarm_ros.analysis.report.runs import labels, load_run
 from flexarm_ros.bag.compare import compare
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import finish_run, prepare_directory
 from flexarm_ros.cli.output import show_outcome
 from flexarm_ros.cli.suite_table import print_result
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.launcher.junit import write_junit
 from flexarm_ros.launcher.suite import CaseResult, judge
-from flexarm_ros.nodes.agreement import dump_sections, told_config
-from flexarm_ros.scenario import suite
+from flexarm_ros.nodes.runtime.config_exchange import dump_sections, told_config
+from flexarm_ros.scenario.suites import suite
 import numpy as np
 import pytest
 

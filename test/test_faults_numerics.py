@@ -20,8 +20,8 @@ import math
 import re
 
 from flexarm_ros import scenario
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import SECTIONS, specs
+from flexarm_ros.core.parameters.sections import SECTIONS, specs
+from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.scenario import ScenarioError
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -33,7 +33,7 @@ from flexarm_ros import scenario
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.launcher import run
 from flexarm_ros.launcher.faults import FaultPlan
-from flexarm_ros.scenario.suite import Fault
+from flexarm_ros.scenario.suites.suite import Fault
 from mcap.exceptions import McapError
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader

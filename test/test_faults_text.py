@@ -22,7 +22,7 @@ import subprocess
 import sys
 
 from flexarm_ros import scenario
-from flexarm_ros.scenario.rclyaml import quoted
+from flexarm_ros.scenario.yaml.rclyaml import quoted
 from nodetools import ROOT
 import pytest
 

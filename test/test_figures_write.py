@@ -24,13 +24,13 @@ import subprocess
 import sys
 import warnings
 
-from flexarm_ros.analysis import figures
-from flexarm_ros.analysis.figures import path_figure, signal_figure, write_figures
-from flexarm_ros.analysis.figures_corners import corner_figure
-from flexarm_ros.analysis.figures_fls import fls_figure, lambda_grid
-from flexarm_ros.analysis.figures_paper import paper_figures
-from flexarm_ros.analysis.figures_style import Panel, panels, styles
-from flexarm_ros.analysis.report_runs import load_run, RunError
+from flexarm_ros.analysis.figures import runs as figures
+from flexarm_ros.analysis.figures.corners import corner_figure
+from flexarm_ros.analysis.figures.fls import fls_figure, lambda_grid
+from flexarm_ros.analysis.figures.paper import paper_figures
+from flexarm_ros.analysis.figures.runs import path_figure, signal_figure, write_figures
+from flexarm_ros.analysis.figures.style import Panel, panels, styles
+from flexarm_ros.analysis.report.runs import load_run, RunError
 from matplotlib.axes import Axes
 from matplotlib.image import imread
 import numpy as np

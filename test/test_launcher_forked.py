@@ -25,7 +25,7 @@ import signal
 import subprocess
 import sys
 
-from flexarm_ros.launcher.forked import Adopted, can_fork, NotForked, start
+from flexarm_ros.launcher.fork.parent import Adopted, can_fork, NotForked, start
 from nodetools import flexarm, wait_for
 import pytest
 
@@ -168,7 +168,7 @@ def test_a_run_with_and_without(
             'import os, sys\n'
             'def fork():\n'
             '    raise OSError("not today")\n'
-            'if "flexarm_ros.launcher.nursery" in sys.orig_argv:\n'
+            'if "flexarm_ros.launcher.fork.server" in sys.orig_argv:\n'
             '    os.fork = fork\n'
         )
         monkeypatch.setenv('PYTHONPATH', str(folder))

@@ -30,9 +30,9 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.cli.suite_table import SuiteTable
 from flexarm_ros.launcher import suite as launcher
-from flexarm_ros.launcher.apart import simulate_apart
 from flexarm_ros.launcher.junit import write_junit
-from flexarm_ros.scenario import suite as files
+from flexarm_ros.launcher.subprocess_simulation import simulate_apart
+from flexarm_ros.scenario.suites import suite as files
 from nodetools import flexarm, ROOT, wait_for
 import pytest
 

@@ -22,10 +22,10 @@ from pathlib import Path
 from flexarm_ros import scenario
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
-from flexarm_ros.bag.topics import COMMAND, TIP
 from flexarm_ros.bag.verify import verify
-from flexarm_ros.core.kinematics import make_point
-from flexarm_ros.core.loop import ClosedLoop
+from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.wire.topics import COMMAND, TIP
 from nodetools import flexarm, start_node, wait_for, write_scenario
 import numpy as np
 import pytest

@@ -86,13 +86,13 @@ def test_a_second_plant_is_refused_and_the_run_goes_on(
 
 @pytest.mark.parametrize('role', ROLES)
 def test_parameters_are_described(role: str, tmp_path: Path, ros_domain: int) -> None:
-    from flexarm_ros.core.parameters import SECTIONS, specs
+    from flexarm_ros.core.parameters.sections import SECTIONS, specs
 
     code = f"""
 import json, rclpy, sys
 from importlib import import_module
 from flexarm_ros.nodes.process import CLASSES
-from flexarm_ros.nodes.supervisor import Supervisor
+from flexarm_ros.nodes.runtime.supervisor import Supervisor
 rclpy.init(args=["{role}"])
 node = getattr(import_module("flexarm_ros.nodes.{role}"), CLASSES["{role}"])([], Supervisor())
 node.get_parameters(list(node._parameters))  # those without a value too, as for a dump

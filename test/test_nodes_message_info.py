@@ -28,8 +28,8 @@ import sys
 import threading
 
 from conftest import STANDIN
-from flexarm_ros.nodes.lockstep import Input, RunFailed
-from flexarm_ros.nodes.status import Board, Phase, Status
+from flexarm_ros.nodes.runtime.lockstep import Input, RunFailed
+from flexarm_ros.nodes.runtime.status import Board, Phase, Status
 from nodetools import finish, flexarm, start_node, wait_for, write_scenario
 import pytest
 
@@ -41,7 +41,7 @@ KINDS = ('none', 'handle unnumbered', 'none unnumbered')
 
 PROBE = """
 import rclpy
-from flexarm_ros.nodes.status import Board
+from flexarm_ros.nodes.runtime.status import Board
 rclpy.init()
 node = rclpy.create_node("probe")
 board = Board(node, "plant")

@@ -22,8 +22,8 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-from flexarm_ros.nodes import middleware
-from flexarm_ros.nodes.middleware import fastdds_version, prepare, PROFILES
+from flexarm_ros.nodes.runtime import middleware
+from flexarm_ros.nodes.runtime.middleware import fastdds_version, prepare, PROFILES
 import pytest
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -69,7 +69,7 @@ def test_the_version_is_that_of_the_rmw_package(
 
 def test_fast_dds_takes_the_profiles_without_a_word(ros_domain: int) -> None:
     code = (
-        'from flexarm_ros.nodes.middleware import prepare\n'
+        'from flexarm_ros.nodes.runtime.middleware import prepare\n'
         'prepare()\n'
         'import rclpy\n'
         'rclpy.init()\n'

@@ -24,7 +24,7 @@ import sys
 from flexarm_ros import scenario
 from flexarm_ros.bag.digest import digest_of
 from flexarm_ros.scenario import ScenarioError
-from flexarm_ros.scenario.axes import Parameter
+from flexarm_ros.scenario.sweeps.axes import Parameter
 from nodetools import Asker, finish, flexarm, ROOT, start_node, wait_for
 import pytest
 

@@ -26,9 +26,9 @@ from types import MappingProxyType
 from typing import Any
 
 from bagtools import small_config, small_messages, write_small
-from flexarm_ros.bag.topics import per_tick_topics
 from flexarm_ros.core.ending import ENDING
-from flexarm_ros.nodes.pace import Pace
+from flexarm_ros.nodes.player.pace import Pace
+from flexarm_ros.wire.topics import per_tick_topics
 from nodetools import finish, ROOT, wait_for
 import pytest
 from rosbag2tools import received, write_mcap
@@ -66,7 +66,7 @@ class Listener:
 
     def hear(self, *indices: int, under: Mapping[str, str] = MappingProxyType({})) -> None:
         """Take the messages of these topics as bytes; ``under`` has names that are others."""
-        from flexarm_ros.nodes.graph import message_class, qos_profile
+        from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
 
         for index in indices:
             topic = per_tick_topics(CONFIG)[index]
@@ -299,7 +299,7 @@ def test_somebody_elses_controller_against_a_recorded_run(run: Path, listener: L
 @pytest.fixture
 def played(ros_domain: int, capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
     """Run the player in this process: ``(status, what it said)``."""
-    from flexarm_ros.nodes.player import play
+    from flexarm_ros.nodes.player.player import play
 
     def run_it(*assignments: str) -> tuple[int, str]:
         words = [word for text in assignments for word in ('-p', text)]
@@ -354,7 +354,7 @@ def test_a_damaged_bag_is_played_as_far_as_it_goes(
 def test_messages_of_one_tick_go_out_in_the_order_of_the_bag(
     run: Path, monkeypatch: pytest.MonkeyPatch, played: Callable[..., tuple[int, str]]
 ) -> None:
-    from flexarm_ros.nodes.player import PlayerNode
+    from flexarm_ros.nodes.player.player import PlayerNode
 
     sent: list[tuple[str, bytes]] = []
     made = PlayerNode.create_publisher
@@ -379,7 +379,7 @@ def test_a_bag_of_another_recorder_is_played_by_its_stamps(
     played: Callable[..., tuple[int, str]],
 ) -> None:  # fmt: skip
     """Begun late, without a clock, with the reference in bursts: in order, and with a clock."""
-    from flexarm_ros.nodes.player import PlayerNode
+    from flexarm_ros.nodes.player.player import PlayerNode
 
     sent: list[tuple[str, bytes]] = []
     made = PlayerNode.create_publisher
@@ -440,7 +440,7 @@ def test_a_bag_without_a_message_is_an_error(
 def test_a_pace_keeps_time_over_many_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Late ticks are caught up, a long hold-up is not; a clock of the test's own."""
     clock = [100.0]
-    monkeypatch.setattr('flexarm_ros.nodes.pace.time.monotonic', lambda: clock[0])
+    monkeypatch.setattr('flexarm_ros.nodes.player.pace.time.monotonic', lambda: clock[0])
     pace = Pace(2.0, False, lambda: False)
 
     def slept(seconds: float) -> None:

@@ -24,9 +24,9 @@ from typing import Any
 
 import pytest
 
-run_control = pytest.importorskip('flexarm_ros.nodes.run_control', reason='needs rclpy')
+run_control = pytest.importorskip('flexarm_ros.nodes.run_control.services', reason='needs rclpy')
 GoalResponse = pytest.importorskip('rclpy.action').GoalResponse
-status = pytest.importorskip('flexarm_ros.nodes.status')
+status = pytest.importorskip('flexarm_ros.nodes.runtime.status')
 
 STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
@@ -145,7 +145,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Plant, Any]]:
     def server(_: Any, kind: Any, name: str, execute: Any, **callbacks: Any) -> None:
         plant.actions[name] = (execute, callbacks['goal_callback'])
 
-    monkeypatch.setattr('flexarm_ros.nodes.simulation_action.ActionServer', server)
+    monkeypatch.setattr('flexarm_ros.nodes.run_control.simulation_action.ActionServer', server)
     control = run_control.RunControl(plant)  # type: ignore[arg-type]
     assert control.standard
     thread = threading.Thread(target=plant.loop, args=(control, stop))

@@ -22,10 +22,10 @@ import shlex
 import subprocess
 import sys
 
-from flexarm_ros.nodes.compatibility import connects, shown
-from flexarm_ros.nodes.graph import qos_profile
-from flexarm_ros.nodes.lockstep import RunFailed
-from flexarm_ros.nodes.status import HEARD, Phase
+from flexarm_ros.nodes.runtime.compatibility import connects, shown
+from flexarm_ros.nodes.runtime.graph import qos_profile
+from flexarm_ros.nodes.runtime.lockstep import RunFailed
+from flexarm_ros.nodes.runtime.status import HEARD, Phase
 from nodetools import finish, flexarm, ROLES, ROOT, start_node, wait_for, write_scenario
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy

@@ -30,9 +30,9 @@ import threading
 import xml.etree.ElementTree as ET
 
 from flexarm_ros import scenario
-from flexarm_ros.core.arm_line import ArmLine
-from flexarm_ros.core.kinematics import rigid_point
-from flexarm_ros.nodes.skeleton import transforms, urdf
+from flexarm_ros.core.arm.arm_line import ArmLine
+from flexarm_ros.core.arm.kinematics import rigid_point
+from flexarm_ros.nodes.view.urdf import transforms, urdf
 from nodetools import Asker, flexarm, ROOT, wait_for
 import numpy as np
 import pytest
@@ -179,7 +179,7 @@ def test_bad_options_of_the_view() -> None:
 
 @pytest.mark.parametrize('model', ['eq14', 'full'])
 def test_line_of_the_arm_ends_at_elbow_and_tip(model: str) -> None:
-    from flexarm_ros.core.plant import make_plant
+    from flexarm_ros.core.arm.plant import make_plant
 
     config = scenario.load('pd_tip', [f'plant.model={model}', 'plant.modes=2'])
     plant = make_plant(config)
@@ -215,7 +215,7 @@ def test_skeleton_and_urdf_agree_with_the_rigid_arm() -> None:
 
 
 def test_layout_shows_what_is_sent() -> None:
-    from flexarm_ros.nodes.view_foxglove import (
+    from flexarm_ros.nodes.view.foxglove import (
         _schema,
         FRAMES,
         layout,

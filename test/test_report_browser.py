@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import json
 from pathlib import Path
 
-from flexarm_ros.analysis.report import write_report
+from flexarm_ros.analysis.report.page import write_report
 import pytest
 from report_browser import Browser, find_chromium
 from report_cases import edit_summary, fly

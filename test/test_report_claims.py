@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.report_claims import Claims, evaluate
-from flexarm_ros.analysis.report_runs import Run
-from flexarm_ros.core.rows import COLUMNS
-from flexarm_ros.scenario import suite
+from flexarm_ros.analysis.report.claims import Claims, evaluate
+from flexarm_ros.analysis.report.runs import Run
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
+from flexarm_ros.scenario.suites import suite
 import numpy as np
 import pytest
 

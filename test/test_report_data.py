@@ -21,8 +21,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.analysis.report import script_json
-from flexarm_ros.analysis.report_data import (
+from flexarm_ros.analysis.report.data import (
     ERRORS,
     pack,
     PACKED,
@@ -31,8 +30,9 @@ from flexarm_ros.analysis.report_data import (
     select_rows,
     STEPS,
 )
-from flexarm_ros.analysis.report_runs import Run
-from flexarm_ros.core.rows import COLUMNS
+from flexarm_ros.analysis.report.page import script_json
+from flexarm_ros.analysis.report.runs import Run
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

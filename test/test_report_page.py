@@ -26,8 +26,8 @@ import re
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.report import render, write_report
-from flexarm_ros.analysis.report_runs import load_run
+from flexarm_ros.analysis.report.page import render, write_report
+from flexarm_ros.analysis.report.runs import load_run
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.cli import main
 import pytest

@@ -20,7 +20,7 @@ from pathlib import Path
 import shutil
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.report_runs import (
+from flexarm_ros.analysis.report.runs import (
     COLLOCATED,
     CORRECTED,
     labels,
@@ -30,7 +30,7 @@ from flexarm_ros.analysis.report_runs import (
     RunError,
 )
 from flexarm_ros.bag.simulation import simulate
-from flexarm_ros.core.rows import COLUMNS
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -137,7 +137,7 @@ def test_spoilt_files_are_refused_in_one_line(
 
 @given(st.text(max_size=300))
 def test_any_text_as_rows_is_read_or_refused(text: str) -> None:
-    from flexarm_ros.analysis.report_runs import _table
+    from flexarm_ros.analysis.report.runs import _table
 
     try:
         table = _table(text.splitlines(), len(COLUMNS))

@@ -34,9 +34,11 @@ from types import FrameType
 from flexarm_ros import scenario
 from flexarm_ros.bag import metadata
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.topics import per_tick_topics
-from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
-from flexarm_ros.scenario import reader, ScenarioError, suite, sweep, torque_file
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
+from flexarm_ros.scenario import reader, ScenarioError, torque_file
+from flexarm_ros.scenario.suites import suite
+from flexarm_ros.scenario.sweeps import sweep
+from flexarm_ros.wire.topics import per_tick_topics
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import pytest

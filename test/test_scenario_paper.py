@@ -23,8 +23,8 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.sweep_worker import fly
-from flexarm_ros.scenario import suite
+from flexarm_ros.analysis.sweep.worker import fly
+from flexarm_ros.scenario.suites import suite
 import pytest
 
 PAPER = suite.load('paper')

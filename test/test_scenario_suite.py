@@ -20,10 +20,11 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.scenario import ScenarioError, suite
-from flexarm_ros.scenario.compare import Comparison
-from flexarm_ros.scenario.expect import read_expectations
-from flexarm_ros.scenario.rclyaml import parse
+from flexarm_ros.scenario import ScenarioError
+from flexarm_ros.scenario.suites import suite
+from flexarm_ros.scenario.suites.compare import Comparison
+from flexarm_ros.scenario.suites.expect import read_expectations
+from flexarm_ros.scenario.yaml.rclyaml import parse
 import pytest
 
 HERE = Path(__file__).parent

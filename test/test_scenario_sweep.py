@@ -19,7 +19,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexarm_ros import scenario
-from flexarm_ros.scenario import ScenarioError, sweep, with_values
+from flexarm_ros.scenario import ScenarioError, with_values
+from flexarm_ros.scenario.sweeps import sweep
 import pytest
 
 HERE = Path(__file__).parent

@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexarm_ros import scenario
-from flexarm_ros.core.parameters import PaceParameters, SECTIONS, specs
+from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS, specs
 from flexarm_ros.scenario import table
 import pytest
 
@@ -50,7 +50,7 @@ def test_the_readme_has_the_table_of_now() -> None:
 
 
 def test_what_is_left_out_is_resolved_as_it_is_taken() -> None:
-    from flexarm_ros.core.loop import ClosedLoop
+    from flexarm_ros.core.run.loop import ClosedLoop
 
     config = scenario.load('fls_tip', ['plant.modes=3'])
     found = scenario.resolved(config)

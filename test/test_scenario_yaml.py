@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.scenario import rclyaml
 from flexarm_ros.scenario.errors import ScenarioError
+from flexarm_ros.scenario.yaml import rclyaml
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import pytest

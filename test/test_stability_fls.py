@@ -16,10 +16,10 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.fls import fls_lambda
-from flexarm_ros.core.stability_fls import FuzzyGain
+from flexarm_ros.core.control.fls import fls_lambda
 import numpy as np
 import pytest
+from validation.fuzzy_variants import FuzzyGain
 
 POINTS = [(0.0, 0.0), (0.01, 0.0), (0.3, -1.2), (-2.4, 0.7), (2.5, 2.5), (4.9, -0.2), (5.0, 9.0)]
 

@@ -19,10 +19,8 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from flexarm_ros.core.kinematics import rigid_point
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.modes import linearise, natural_frequencies
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.arm.kinematics import rigid_point
+from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
     EncoderParameters,
     PlantParameters,
@@ -31,10 +29,12 @@ from flexarm_ros.core.parameters import (
     TipSensorParameters,
     TrajectoryParameters,
 )
-from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_form import LinearLaw, NoLinearFormError
-from flexarm_ros.core.stability_law import linear_law
-from flexarm_ros.core.stability_parts import hold_matrices
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
+from flexarm_ros.stability.hold import hold_matrices
+from flexarm_ros.stability.law import linear_law
+from flexarm_ros.stability.modes import linearise, natural_frequencies
+from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
 import pytest
 
@@ -289,8 +289,8 @@ def test_a_law_without_a_linear_form_is_refused() -> None:
 
 def test_a_law_with_a_state_of_its_own_takes_part(monkeypatch: pytest.MonkeyPatch) -> None:
     """A first-order lag in front of (20): one state a torque, checked against its cascade."""
-    from flexarm_ros.core import stability_law
     from flexarm_ros.core.control import PdLaw
+    from flexarm_ros.stability import law as stability_law
 
     keep = 0.8
 

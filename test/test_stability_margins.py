@@ -19,10 +19,8 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from flexarm_ros.core.kinematics import jacobian, rigid_point
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.modes import linearise
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.arm.kinematics import jacobian, rigid_point
+from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
     EncoderParameters,
     PlantParameters,
@@ -31,8 +29,10 @@ from flexarm_ros.core.parameters import (
     TipSensorParameters,
     TrajectoryParameters,
 )
-from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_margins import analyse, is_stable, Pose, poses_along
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.stability.margins import analyse, is_stable, Pose, poses_along
+from flexarm_ros.stability.modes import linearise
+from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
 import pytest
 from scipy.linalg import eigh

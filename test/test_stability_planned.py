@@ -16,13 +16,11 @@
 
 from __future__ import annotations
 
+from flexarm_ros.core.arm.kinematics import elastic_point, make_point, rigid_point
 from flexarm_ros.core.control import Law, make_law, Sample
 from flexarm_ros.core.control.lqg import LqgLaw, UNKNOWNS
 from flexarm_ros.core.control.planned import PassiveLaw
-from flexarm_ros.core.kinematics import elastic_point, make_point, rigid_point
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.modes import linearise
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
     PlantParameters,
     RunConfig,
@@ -30,9 +28,11 @@ from flexarm_ros.core.parameters import (
     TipSensorParameters,
     TrajectoryParameters,
 )
-from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_form import LinearLaw, NoLinearFormError
-from flexarm_ros.core.stability_law import linear_law
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
+from flexarm_ros.stability.law import linear_law
+from flexarm_ros.stability.modes import linearise
+from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
 import pytest
 

@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 import re
 
-from flexarm_ros.scenario import suite
+from flexarm_ros.scenario.suites import suite
 import pytest
 from validation import fls_pages, paper_tables, stability_check, stability_pages, tables
 from validation.paper_variants import at_the_tip, judge, Variant, VARIANTS

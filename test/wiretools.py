@@ -30,14 +30,14 @@ from typing import Any
 
 from bagtools import small_messages
 from flexarm_ros import scenario
-from flexarm_ros.bag.topics import per_tick_topics, Topic
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import ROLES
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.agreement import dump_sections
-from flexarm_ros.nodes.endpoints import NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import message_class, qos_profile, reads
-from flexarm_ros.nodes.status import Board, Phase
+from flexarm_ros.nodes.runtime.config_exchange import dump_sections
+from flexarm_ros.nodes.runtime.endpoints import NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.graph import message_class, qos_profile, reads
+from flexarm_ros.nodes.runtime.status import Board, Phase
+from flexarm_ros.wire.topics import per_tick_topics, Topic
 from nodetools import start_node
 import rclpy
 

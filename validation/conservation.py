@@ -18,10 +18,10 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.parameters import PlantParameters
-from flexarm_ros.core.plant import instability
-from flexarm_ros.core.plant_eq14 import Eq14Matrices
-from flexarm_ros.core.plant_full import FullPlant
+from flexarm_ros.core.arm.plant import instability
+from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
+from flexarm_ros.core.arm.plant_full import FullPlant
+from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 from validation.motion import Array, full_plant, start
 from validation.pictures import BLUE, GREY, new_figure, ORANGE

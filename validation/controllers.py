@@ -39,7 +39,7 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / 'docs' / 'data' / 'controllers.csv'
@@ -119,7 +119,7 @@ def runs_of(law: str, pace: str) -> list[Run]:
 
 def drawn(law: str, pace: str, count: int) -> list[Run]:
     """Return the first ``count`` runs of the shipped Monte Carlo for this law."""
-    from flexarm_ros.scenario import sweep
+    from flexarm_ros.scenario.sweeps import sweep
 
     plan = sweep.load('tip_monte_carlo' + ('_constant' if pace == 'constant' else ''))
     first = plan.scenarios.index(f'{law}_{pace}') * plan.samples
@@ -131,9 +131,9 @@ def drawn(law: str, pace: str, count: int) -> list[Run]:
 
 def fly(run: Run) -> dict[str, Any]:
     """Fly a run; its metrics, the residual at rest and the rms error from the second lap on."""
-    from flexarm_ros.core.loop import ClosedLoop
-    from flexarm_ros.core.metrics import Metrics
-    from flexarm_ros.core.rows import COLUMNS, Rows
+    from flexarm_ros.core.run.loop import ClosedLoop
+    from flexarm_ros.core.run.metrics import Metrics
+    from flexarm_ros.core.run.trajectory_rows import COLUMNS, Rows
 
     config = run.config()
     at = {name: place for place, name in enumerate(COLUMNS)}

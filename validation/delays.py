@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.delay import BufferDelay, PadeDelay
+from flexarm_ros.core.sensing.delay import BufferDelay, PadeDelay
 import numpy as np
 from validation.motion import Array
 from validation.pictures import BLUE, GREY, new_figure, ORANGE

@@ -26,12 +26,12 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.core.control import Sample
 from flexarm_ros.core.control.pd import FlsLaw
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.rows import Rows
-from flexarm_ros.core.stability_fls import FuzzyGain
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import Rows
 import numpy as np
+from validation.fuzzy_variants import FuzzyGain
 
 Task = tuple[str, str, float, float]
 CASES = ('fls_collocated', 'fls_tip')

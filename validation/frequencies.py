@@ -19,9 +19,9 @@ from __future__ import annotations
 from functools import lru_cache
 import math
 
-from flexarm_ros.core.modes import JOINTS, natural_frequencies
-from flexarm_ros.core.parameters import PlantParameters, RunConfig
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.scenario import load
+from flexarm_ros.stability.modes import JOINTS, natural_frequencies
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import eigh

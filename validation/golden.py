@@ -42,10 +42,11 @@ from flexarm_ros.bag.digest import digest_of
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.rows import COLUMNS, Rows
-from flexarm_ros.scenario import locate, suite
+from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.trajectory_rows import COLUMNS, Rows
+from flexarm_ros.scenario import locate
+from flexarm_ros.scenario.suites import suite
 
 ROOT = Path(__file__).resolve().parent.parent
 DIRECTORY = ROOT / 'test' / 'golden'

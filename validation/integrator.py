@@ -20,8 +20,8 @@ from dataclasses import replace
 import math
 import time
 
-from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant import highest_frequency, STABLE_PHASE
+from flexarm_ros.core.arm.plant import highest_frequency, STABLE_PHASE
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 import numpy as np
 from validation.motion import Array, full_plant, start
 from validation.report import Section

@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from flexarm_ros.core.kinematics import make_point
-from flexarm_ros.core.parameters import PlantParameters, RunConfig, RunParameters
-from flexarm_ros.core.plant import make_plant, Plant
+from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.arm.plant import make_plant, Plant
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
 import numpy as np
 from numpy.typing import NDArray
 

@@ -26,8 +26,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from flexarm_ros.core.modes import LinearArm, linearise
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.stability.modes import LinearArm, linearise
 import numpy as np
 from scipy.linalg import eig, eigh
 from scipy.optimize import brentq

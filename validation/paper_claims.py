@@ -33,8 +33,8 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.sweep_worker import fly
-from flexarm_ros.scenario import suite
+from flexarm_ros.analysis.sweep.worker import fly
+from flexarm_ros.scenario.suites import suite
 from validation.paper_tables import (
     claims_table,
     commands_table,

@@ -21,9 +21,9 @@ import math
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.scenario import suite
-from flexarm_ros.scenario.compare import Comparison
-from flexarm_ros.scenario.suite import Claim
+from flexarm_ros.scenario.suites import suite
+from flexarm_ros.scenario.suites.compare import Comparison
+from flexarm_ros.scenario.suites.suite import Claim
 
 MORE_CLAIMS = (
     Claim(

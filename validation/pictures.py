@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_style import (
+from flexarm_ros.analysis.figures.style import (
     AMBER,
     BLUE,
     GREEN,

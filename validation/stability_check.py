@@ -29,8 +29,8 @@ import csv
 import sys
 from typing import Any
 
-from flexarm_ros.analysis.sweep_worker import run_task
-from flexarm_ros.scenario.sweep import load as load_sweep
+from flexarm_ros.analysis.sweep.worker import run_task
+from flexarm_ros.scenario.sweeps.sweep import load as load_sweep
 from validation import fls_study, stability_map
 from validation.stability_map import DATA, KEPT, ROOT, Row, spread, SWEEPS, text
 

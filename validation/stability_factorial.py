@@ -25,9 +25,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_margins import is_stable, poses_along
-from flexarm_ros.scenario.sweep import load as load_sweep
+from flexarm_ros.scenario.sweeps.sweep import load as load_sweep
+from flexarm_ros.stability.margins import is_stable, poses_along
+from flexarm_ros.stability.sampled_loop import SampledLoop
 from validation.tables import DOCS, grouped, law, Lines, read, table
 
 NAME = 'factorial'

@@ -27,11 +27,11 @@ import math
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.kinematics import elastic_point, inverse_kinematics, make_point
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.stability import SampledLoop, sensor_of
+from flexarm_ros.core.arm.kinematics import elastic_point, inverse_kinematics, make_point
+from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.timeline import NS_PER_S
 from flexarm_ros.core.trajectory import make_path
+from flexarm_ros.stability.sampled_loop import SampledLoop, sensor_of
 import numpy as np
 from validation.controllers import HOLD, HOLD_S, NOISE, SQUARE_S
 from validation.tables import grouped, Lines, number, read, table

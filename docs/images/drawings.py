@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexarm_ros.analysis.figures_style import (
+from flexarm_ros.analysis.figures.style import (
     BLACK,
     BLUE,
     GREEN,

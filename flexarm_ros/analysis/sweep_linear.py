@@ -31,13 +31,13 @@ import math
 from typing import Any
 
 from flexarm_ros.analysis.spawning import spawn_context
-from flexarm_ros.analysis.sweep_worker import start_worker
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.stability import left_out, SampledLoop, sensor_of
-from flexarm_ros.core.stability_margins import poses_along, ROUNDING
+from flexarm_ros.analysis.sweep.worker import start_worker
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario import ScenarioError, with_values
-from flexarm_ros.scenario.axes import numbers_in, Parameter
-from flexarm_ros.scenario.sweep import Sweep
+from flexarm_ros.scenario.sweeps.axes import numbers_in, Parameter
+from flexarm_ros.scenario.sweeps.sweep import Sweep
+from flexarm_ros.stability.margins import poses_along, ROUNDING
+from flexarm_ros.stability.sampled_loop import left_out, SampledLoop, sensor_of
 
 TIME_GAINS = ('lqg', 'adaptive')
 """Laws whose gains belong to the time: frozen, they have no boundary that the run has too."""

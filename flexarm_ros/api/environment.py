@@ -22,8 +22,8 @@ from flexarm_ros.api.episode import changed, Episode
 from flexarm_ros.api.extras import extra
 from flexarm_ros.api.numbers import within
 from flexarm_ros.api.simulation import Scenario
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import Spec
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import Spec
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

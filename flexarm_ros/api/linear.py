@@ -22,13 +22,13 @@ from typing import Any, TYPE_CHECKING
 from flexarm_ros.api.extras import extra
 from flexarm_ros.api.numbers import within
 from flexarm_ros.api.simulation import configure, Scenario
-from flexarm_ros.core import linear_model
-from flexarm_ros.core.linear_model import DEFLECTION, ENCODER, TIP_SENSOR, TORQUES
-from flexarm_ros.core.modes import linearise
-from flexarm_ros.core.parameters import PlantParameters, RunConfig, specs
-from flexarm_ros.core.stability_law import linear_law as law_matrices
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, specs
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
+from flexarm_ros.stability import linear_model
+from flexarm_ros.stability.law import linear_law as law_matrices
+from flexarm_ros.stability.linear_model import DEFLECTION, ENCODER, TIP_SENSOR, TORQUES
+from flexarm_ros.stability.modes import linearise
 
 if TYPE_CHECKING:
     import control

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import Spec
-from flexarm_ros.scenario.convert import allowed
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import Spec
+from flexarm_ros.scenario.yaml.convert import allowed
 import numpy as np
 
 

@@ -22,11 +22,11 @@ import os
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.analysis import figures_style
-from flexarm_ros.analysis import report_runs as read
+from flexarm_ros.analysis.figures import style as figures_style
+from flexarm_ros.analysis.report import runs as read
 from flexarm_ros.api.run import Run
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.rows import COLUMNS
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,8 +64,8 @@ def plot(runs: Run | Sequence[Run], kind: str = 'paths') -> Figure:
 
 
 def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
-    from flexarm_ros.analysis import figures
-    from flexarm_ros.analysis.figures_corners import corner_figure
+    from flexarm_ros.analysis.figures import runs as figures
+    from flexarm_ros.analysis.figures.corners import corner_figure
 
     if kind == 'paths':
         return figures.path_figure(groups)
@@ -75,7 +75,7 @@ def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
         if not any(figures_style.group_switches(group) for group in groups):
             raise ValueError("kind: 'corners', but the reference never switches its direction")
         return corner_figure(groups)
-    from flexarm_ros.analysis.figures_fls import fls_figure
+    from flexarm_ros.analysis.figures.fls import fls_figure
 
     fuzzy = [run for group in groups for run in group.runs if run.law == 'fls']
     if not fuzzy:
@@ -97,8 +97,8 @@ def report(runs: Run | Sequence[Run], path: str | os.PathLike[str]) -> Path:
         The file to write; replaced where it exists.
 
     """
-    from flexarm_ros.analysis.report import render
-    from flexarm_ros.bag.files import write_atomically
+    from flexarm_ros.analysis.report.page import render
+    from flexarm_ros.bag.mcap.files import write_atomically
 
     target = Path(path)
     write_atomically(target, render(_as_read(runs)))

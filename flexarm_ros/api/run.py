@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.rows import COLUMNS, Row
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.run.trajectory_rows import COLUMNS, Row
 import numpy as np
 from numpy.typing import NDArray
 
@@ -183,7 +183,7 @@ def load(path: str | os.PathLike[str]) -> Run:
         Where ``path`` is not a run, or cannot be read.
 
     """
-    from flexarm_ros.analysis.report_runs import load_run
+    from flexarm_ros.analysis.report.runs import load_run
 
     read = load_run(Path(path))
     columns = [read.columns[name] for name in COLUMNS]

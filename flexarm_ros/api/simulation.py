@@ -29,10 +29,10 @@ from flexarm_ros.bag import outputs
 from flexarm_ros.bag import simulation as recorded
 from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.rows import Row, Rows
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import Row, Rows
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexarm_ros.bag.cdr import FloatArray, IntArray
-from flexarm_ros.bag.topics import Topic
+from flexarm_ros.wire.cdr import FloatArray, IntArray
+from flexarm_ros.wire.topics import Topic
 
 
 @dataclass(frozen=True)

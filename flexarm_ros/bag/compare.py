@@ -23,11 +23,11 @@ import os
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.cdr import FloatArray, IntArray
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.reader import BagReader, open_run
 from flexarm_ros.bag.tables import batches
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.wire.cdr import FloatArray, IntArray
 import numpy as np
 
 STAMP = 'stamp_ns'

@@ -21,7 +21,7 @@ import os
 import struct
 
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.storage import open_files
+from flexarm_ros.bag.mcap.storage import open_files
 
 _FRAME = struct.Struct('<QQ')
 

@@ -23,7 +23,7 @@ import json
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 FORMAT = '1'
 """Version of what this package puts into a bag beside the messages."""

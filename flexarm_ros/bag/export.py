@@ -27,15 +27,15 @@ import shutil
 from typing import Any
 
 from flexarm_ros import scenario
+from flexarm_ros.bag.embedded_metadata import bag_config, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.files import make_directory, write_atomically
-from flexarm_ros.bag.frontmatter import bag_config, SCENARIO_FILE, TORQUES_FILE
+from flexarm_ros.bag.mcap.files import make_directory, write_atomically
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.tables import BATCH, Batch, batches
-from flexarm_ros.bag.topics import Topic
 from flexarm_ros.bag.trajectory import trajectory
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.rows import COLUMNS
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
+from flexarm_ros.wire.topics import Topic
 
 FORMATS = ('csv', 'parquet')
 CHANGES_FILE = 'changes.csv'

@@ -38,12 +38,18 @@ import re
 import struct
 from typing import NamedTuple
 
-from flexarm_ros.bag import changes, foreign
-from flexarm_ros.bag.cdr import IntArray
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.scan import Damage
-from flexarm_ros.bag.storage import BagFile, Front
-from flexarm_ros.bag.topics import (
+from flexarm_ros.bag.mcap.scan import Damage
+from flexarm_ros.bag.mcap.storage import BagFile, Front
+from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.signals import LINKS
+from flexarm_ros.core.sensing.sensors import ticks_per_sample
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
+from flexarm_ros.wire import generic_decode as foreign
+from flexarm_ros.wire import parameter_event as changes
+from flexarm_ros.wire.cdr import IntArray
+from flexarm_ros.wire.topics import (
     CLOCK,
     COMMAND,
     JOINT_STATES,
@@ -53,11 +59,6 @@ from flexarm_ros.bag.topics import (
     Topic,
     topics_of,
 )
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.sensors import ticks_per_sample
-from flexarm_ros.core.signals import LINKS
-from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
 import numpy as np
 
 UNKNOWN = -1

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.foreign import typestore
-from flexarm_ros.bag.topics import Qos
+from flexarm_ros.wire.generic_decode import typestore
+from flexarm_ros.wire.topics import Qos
 import yaml
 
 VERSION = 9

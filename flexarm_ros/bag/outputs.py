@@ -30,15 +30,15 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.blocks import Block
+from flexarm_ros.bag.embedded_metadata import bag_config
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.files import write_atomically
-from flexarm_ros.bag.frontmatter import bag_config
+from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.topics import COMMAND, REFERENCE, STATE, TIP
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.rows import COLUMNS, Row, Rows
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import COLUMNS, Row, Rows
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.wire.topics import COMMAND, REFERENCE, STATE, TIP
 
 TRAJECTORY = 'trajectory.csv'
 SUMMARY = 'summary.json'
@@ -47,7 +47,7 @@ METRICS = (
     'rms_error', 'max_error', 'tip_rms_error', 'tip_max_error', 'overshoot', 'max_overshoot',
     'tip_overshoot', 'max_deflection', 'max_torque', 'ticks',
 )  # fmt: skip
-"""Keys of `flexarm_ros.core.metrics.Metrics.result`."""
+"""Keys of `flexarm_ros.core.run.metrics.Metrics.result`."""
 
 _ROS_PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp')
 

@@ -37,8 +37,8 @@ import flexarm_ros
 PACKAGES = ('flexarm_ros', 'numpy', 'numba', 'llvmlite', 'mcap', 'rosbags', 'lz4', 'zstandard')
 """Distributions that numbers or bytes of a bag depend on."""
 
-LAYERS = ('core', 'scenario', 'bag')
-"""Parts of this package that numbers and bytes of a bag depend on."""
+LAYERS = ('core', 'wire')
+"""Parts of this package that numbers and bytes of a run's messages depend on."""
 
 UNKNOWN = 'unknown'
 
@@ -49,7 +49,7 @@ class Provenance:
     ``name`` of the scenario, ``versions`` of packages, ``commit`` and ``digest`` of the code.
 
     ``foreign`` names the roles of external nodes.
-    ``digest`` is the SHA-256 of the source of core, scenario and bag, which
+    ``digest`` is the SHA-256 of the source of core and wire, which
     tells changed code from released code where the commit cannot.
     """
 

@@ -19,14 +19,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from flexarm_ros.bag.topics import CLOCK, COMMAND, STATE, Topic
-from flexarm_ros.core.changes import Agenda
-from flexarm_ros.core.loop import ClosedLoop, TickRecord
-from flexarm_ros.core.parameters import changed, RunConfig
-from flexarm_ros.core.parts import Answer, answering
-from flexarm_ros.core.plant import make_plant
-from flexarm_ros.core.state import MessageState, State
+from flexarm_ros.core.arm.plant import make_plant
+from flexarm_ros.core.parameters.changes import Agenda
+from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
+from flexarm_ros.core.run.parts import Answer, answering
+from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.wire.topics import CLOCK, COMMAND, STATE, Topic
 
 Values = tuple[float, ...]
 Stamped = tuple[int, Values]

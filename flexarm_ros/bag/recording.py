@@ -31,6 +31,7 @@ import shutil
 from typing import Any
 
 from flexarm_ros.bag.errors import BagError, BagExistsError
+from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.outputs import (
     summary_of,
     unfinished_summary,
@@ -39,10 +40,9 @@ from flexarm_ros.bag.outputs import (
 )
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.recover import recover
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.metrics import Metrics
 
 BAG = 'bag'
 _DAMAGED = 'bag-damaged'

@@ -25,12 +25,12 @@ from typing import Any
 from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
-from flexarm_ros.bag.topics import CLOCK, per_tick_topics, STATE
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.loop import ClosedLoop, TickRecord
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import signals
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
+from flexarm_ros.core.run.parts import signals
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.wire.topics import CLOCK, per_tick_topics, STATE
 import numpy as np
 
 _BLOCK_TICKS = 512

@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from flexarm_ros.bag.cdr import FloatArray, IntArray
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.wire.cdr import FloatArray, IntArray
 import numpy as np
 
 BATCH = 512

@@ -23,9 +23,9 @@ from typing import NamedTuple
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.outputs import block_rows
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.topics import COMMAND, REFERENCE, split_state, STATE, TIP
-from flexarm_ros.core.rows import Row, Rows
+from flexarm_ros.core.run.trajectory_rows import Row, Rows
 from flexarm_ros.core.timeline import NS_PER_S
+from flexarm_ros.wire.topics import COMMAND, REFERENCE, split_state, STATE, TIP
 import numpy as np
 
 _NAN = (math.nan, math.nan)

@@ -30,16 +30,16 @@ import os
 from pathlib import Path
 
 from flexarm_ros.bag.errors import BagContentError
+from flexarm_ros.bag.mcap.storage import METADATA_FILE
 from flexarm_ros.bag.metadata import read_counts, read_files
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.recompute import loop_messages, Nodes, Stamped, Tick, Values
-from flexarm_ros.bag.storage import METADATA_FILE
-from flexarm_ros.bag.topics import per_tick_topics, STATE, Topic
-from flexarm_ros.core.changes import Agenda
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.changes import Agenda
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.scenario.recorded import RECORDER
+from flexarm_ros.wire.topics import per_tick_topics, STATE, Topic
 import numpy as np
 
 LOOP = 'closed loop'

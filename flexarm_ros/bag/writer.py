@@ -18,7 +18,7 @@ Recording of a run into a rosbag2 directory with one MCAP file.
 The bytes depend on the scenario, the messages and the versions of the packages
 only: no wall time, host, user or process number goes in, chunks end at ticks,
 and messages stand in canonical order (tick by tick, within a tick in the order
-of `flexarm_ros.bag.topics`) whatever order they came in.
+of `flexarm_ros.wire.topics`) whatever order they came in.
 """
 
 from __future__ import annotations
@@ -29,13 +29,11 @@ import os
 from pathlib import Path
 from types import TracebackType
 
-from flexarm_ros.bag import changes
 from flexarm_ros.bag.blocks import Block
-from flexarm_ros.bag.cdr import ByteArray
+from flexarm_ros.bag.embedded_metadata import attachments, FORMAT, front_matter
 from flexarm_ros.bag.errors import BagContentError, BagError
-from flexarm_ros.bag.files import make_directory, write_atomically
-from flexarm_ros.bag.frontmatter import attachments, FORMAT, front_matter
-from flexarm_ros.bag.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
+from flexarm_ros.bag.mcap.files import make_directory, write_atomically
+from flexarm_ros.bag.mcap.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
 from flexarm_ros.bag.metadata import (
     bag_information,
     BagTopic,
@@ -44,10 +42,12 @@ from flexarm_ros.bag.metadata import (
     to_yaml,
 )
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.topics import per_tick_topics, Topic
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import seconds_to_ns, T0_NS
+from flexarm_ros.wire import parameter_event as changes
+from flexarm_ros.wire.cdr import ByteArray
+from flexarm_ros.wire.topics import per_tick_topics, Topic
 import numpy as np
 
 FILE_NAME = 'bag_0.mcap'

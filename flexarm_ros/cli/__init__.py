@@ -35,7 +35,7 @@ import sys
 from typing import Any, NoReturn
 import warnings
 
-from flexarm_ros.bag.files import open_standard_files
+from flexarm_ros.bag.mcap.files import open_standard_files
 from flexarm_ros.cli import signals
 from flexarm_ros.core.warned import allow_warnings
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from flexarm_ros.cli import UsageError
 
 if TYPE_CHECKING:
-    from flexarm_ros.core.parameters import RunConfig
+    from flexarm_ros.core.parameters.sections import RunConfig
 
 
 def add_bag_options(parser: argparse.ArgumentParser, namespace: str = '--namespace') -> None:

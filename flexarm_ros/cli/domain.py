@@ -20,7 +20,7 @@ import argparse
 import sys
 
 from flexarm_ros.cli import UsageError
-from flexarm_ros.nodes import environment
+from flexarm_ros.nodes.runtime import environment
 
 
 def add_option(parser: argparse.ArgumentParser, otherwise: str) -> None:

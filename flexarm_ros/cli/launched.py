@@ -35,7 +35,7 @@ from flexarm_ros.cli import namespace, UsageError
 from flexarm_ros.cli.domain import chosen_domain
 from flexarm_ros.cli.output import new_directory, show_outcome
 from flexarm_ros.cli.progress import Progress
-from flexarm_ros.core.warmup import warm_up
+from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.launcher.run import finish, own_arguments, write_resolved
 

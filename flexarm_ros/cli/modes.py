@@ -59,8 +59,8 @@ def _angle(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Print the frequencies; returns 0."""
-    from flexarm_ros.core.modes import natural_frequencies
     from flexarm_ros.scenario import load
+    from flexarm_ros.stability.modes import natural_frequencies
 
     config = load(args.scenario, args.overrides)
     frequencies = [float(w) for w in natural_frequencies(config, args.elbow, args.joints)]

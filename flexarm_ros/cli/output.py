@@ -80,8 +80,8 @@ def new_directory(
 
 def skips(path: Path, command: str) -> bool:
     """Whether ``path``, which is no run, is a report or a sweep; prints that it is skipped."""
-    from flexarm_ros.analysis.report import PAGE
-    from flexarm_ros.analysis.sweep_store import IDENTITY
+    from flexarm_ros.analysis.report.page import PAGE
+    from flexarm_ros.analysis.sweep.store import IDENTITY
 
     for kind, file in (('report', PAGE), ('sweep', IDENTITY)):
         if (path / file).is_file():
@@ -147,7 +147,7 @@ def format_metric(value: Any) -> str:
 
 def _draw(directory: Path) -> list[Path]:
     try:
-        from flexarm_ros.analysis.figures import write_figures
+        from flexarm_ros.analysis.figures.runs import write_figures
     except ImportError as error:
         print(f'no pictures: {error}', file=sys.stderr)
         return []

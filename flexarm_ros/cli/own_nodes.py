@@ -22,7 +22,7 @@ import shlex
 import shutil
 
 from flexarm_ros.cli import UsageError
-from flexarm_ros.core.parts import REPLACEABLE
+from flexarm_ros.core.run.parts import REPLACEABLE
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:

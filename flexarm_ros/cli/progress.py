@@ -21,7 +21,7 @@ import time
 from types import TracebackType
 from typing import Any, TypeVar
 
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 _LINE_EVERY_S = 5.0
 

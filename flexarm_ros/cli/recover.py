@@ -35,7 +35,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Rescue the bag; 0 whole, 3 in part, 1 nothing."""
-    from flexarm_ros.bag.recover import recover
+    from flexarm_ros.bag.mcap.recover import recover
 
     rescue = recover(args.run, args.out)
     verdict = {0: 'whole', 3: 'in part', 1: 'nothing'}[rescue.status]

@@ -25,7 +25,7 @@ from typing import Any
 from flexarm_ros.cli import domain, namespace, UsageError
 from flexarm_ros.cli.bag_options import add_bag_options
 from flexarm_ros.cli.output import check_utf8
-from flexarm_ros.scenario.rclyaml import quoted
+from flexarm_ros.scenario.yaml.rclyaml import quoted
 
 
 def add_parser(subparsers: Any) -> None:
@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
     rules = [f'__ns:={space}'] if space else []
     words += [word for rule in rules + args.remap for word in ('-r', rule)]
     print(f'ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]}', flush=True)
-    from flexarm_ros.nodes.player import play
+    from flexarm_ros.nodes.player.player import play
 
     return play(['--ros-args', *words])
 

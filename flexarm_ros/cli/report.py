@@ -26,7 +26,7 @@ from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
 
 if TYPE_CHECKING:
-    from flexarm_ros.analysis.report_runs import Run
+    from flexarm_ros.analysis.report.runs import Run
 
 
 def add_parser(subparsers: Any) -> None:
@@ -57,9 +57,9 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write page and pictures; 0, or 2 where a RUN is not one."""
-    from flexarm_ros.analysis.figures import write_figures
-    from flexarm_ros.analysis.report import write_report
-    from flexarm_ros.analysis.report_runs import RunError
+    from flexarm_ros.analysis.figures.runs import write_figures
+    from flexarm_ros.analysis.report.page import write_report
+    from flexarm_ros.analysis.report.runs import RunError
 
     try:
         runs = _load(args)
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _load(args: argparse.Namespace) -> list[Run]:
-    from flexarm_ros.analysis.report_runs import load_run, RunError
+    from flexarm_ros.analysis.report.runs import load_run, RunError
     from flexarm_ros.cli.output import skips
 
     given, runs = given_scenario(args), []

@@ -27,7 +27,7 @@ from flexarm_ros.bag.recording import default_name
 from flexarm_ros.cli import domain, namespace, UsageError
 from flexarm_ros.cli.own_nodes import add_option, own_nodes
 from flexarm_ros.cli.signals import Deferred
-from flexarm_ros.core.parts import REPLACEABLE
+from flexarm_ros.core.run.parts import REPLACEABLE
 
 _NO_ROS = (
     'rclpy is not installed: run `make env` (x86_64 Linux), or source a ROS 2 installation; '

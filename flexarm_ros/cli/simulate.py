@@ -25,7 +25,7 @@ from typing import Any, TYPE_CHECKING
 from flexarm_ros import scenario
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.signals import Deferred
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 if TYPE_CHECKING:
     from flexarm_ros.bag.blocks import Block
@@ -91,7 +91,7 @@ def _without_bag(
     from flexarm_ros.bag.provenance import Provenance
     from flexarm_ros.bag.recording import prepare_directory
     from flexarm_ros.bag.simulation import loop_blocks
-    from flexarm_ros.core.loop import ClosedLoop
+    from flexarm_ros.core.run.loop import ClosedLoop
 
     loop = ClosedLoop(config)
     prepare_directory(directory, config, name)

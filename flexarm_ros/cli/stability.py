@@ -24,8 +24,8 @@ from typing import Any, TYPE_CHECKING
 from flexarm_ros.cli import UsageError
 
 if TYPE_CHECKING:
-    from flexarm_ros.core.parameters import RunConfig
-    from flexarm_ros.core.stability_margins import PoseStability
+    from flexarm_ros.core.parameters.sections import RunConfig
+    from flexarm_ros.stability.margins import PoseStability
 
 MOST_SEARCHED_S = 1.0
 MOST_EIGENVALUES = 6
@@ -98,8 +98,8 @@ def _latency(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Print the analysis; returns 0."""
-    from flexarm_ros.core.stability_margins import analyse, Pose, poses_along
     from flexarm_ros.scenario import load
+    from flexarm_ros.stability.margins import analyse, Pose, poses_along
 
     config = load(args.scenario, args.overrides)
     poses = [Pose(None, 0.0, angle) for angle in args.elbow] if args.elbow else poses_along(config)
@@ -128,14 +128,14 @@ def _default_gains(config: RunConfig) -> list[float | None]:
 def _read(config: RunConfig) -> tuple[str, str]:
     """Return the sensor whose latency is varied, and where the law's rates come from."""
     from flexarm_ros.core.control import PLANNING
-    from flexarm_ros.core.stability import sensor_of
+    from flexarm_ros.stability.sampled_loop import sensor_of
 
     own = config.controller.law in PLANNING
     return sensor_of(config), 'encoder' if own else config.controller.velocity_source
 
 
 def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
-    from flexarm_ros.core.stability import left_out
+    from flexarm_ros.stability.sampled_loop import left_out
 
     by_gain = _by_gain(found)
     return {
@@ -197,7 +197,7 @@ _UNITS = ('rad', '', '', 'of a tick', '1/s', 'rad/s', '', 'ms', 'ms')
 
 
 def _print_table(config: RunConfig, found: list[PoseStability]) -> None:
-    from flexarm_ros.core.stability import left_out
+    from flexarm_ros.stability.sampled_loop import left_out
 
     sensor, rates = _read(config)
     place = (

@@ -28,7 +28,7 @@ from flexarm_ros.cli.own_nodes import add_option, own_nodes
 from flexarm_ros.cli.signals import Deferred
 
 if TYPE_CHECKING:
-    from flexarm_ros.scenario.suite import Case
+    from flexarm_ros.scenario.suites.suite import Case
 
 
 def add_parser(subparsers: Any) -> None:
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     from flexarm_ros.cli.suite_table import print_result, SuiteTable
     from flexarm_ros.launcher.junit import write_junit
     from flexarm_ros.launcher.suite import default_jobs, run_suite
-    from flexarm_ros.scenario.suite import load
+    from flexarm_ros.scenario.suites.suite import load
 
     suite = load(args.suite)
     if args.mode:

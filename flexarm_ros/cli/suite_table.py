@@ -25,7 +25,7 @@ from flexarm_ros.cli.output import format_metric
 
 if TYPE_CHECKING:
     from flexarm_ros.launcher.suite import CaseResult, SuiteResult
-    from flexarm_ros.scenario.suite import Case, Suite
+    from flexarm_ros.scenario.suites.suite import Case, Suite
 
 _COLUMNS = ('rms_error', 'max_error', 'overshoot', 'tip_max_error', 'rtf')
 

@@ -27,9 +27,9 @@ from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.signals import Deferred
 
 if TYPE_CHECKING:
-    from flexarm_ros.analysis.sweep_engine import DaskCluster, LocalPool, Stop
-    from flexarm_ros.analysis.sweep_store import SweepStore, Table
-    from flexarm_ros.scenario.sweep import Sweep
+    from flexarm_ros.analysis.sweep.engine import DaskCluster, LocalPool, Stop
+    from flexarm_ros.analysis.sweep.store import SweepStore, Table
+    from flexarm_ros.scenario.sweeps.sweep import Sweep
 
 MOST_REASONS = 3
 
@@ -63,10 +63,10 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fly the sweep; 0, 1 if a run failed, 130, 143 or 129 after a signal."""
-    from flexarm_ros.analysis.sweep_engine import EngineError
-    from flexarm_ros.analysis.sweep_store import StoreError, SweepStore
+    from flexarm_ros.analysis.sweep.engine import EngineError
+    from flexarm_ros.analysis.sweep.store import StoreError, SweepStore
     from flexarm_ros.cli.output import check_utf8, new_directory
-    from flexarm_ros.scenario import sweep as sweeps
+    from flexarm_ros.scenario.sweeps import sweep as sweeps
 
     sweep = sweeps.load(args.sweep)
     try:
@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _engine(args: argparse.Namespace, sweep: Sweep) -> LocalPool | DaskCluster:
-    from flexarm_ros.analysis.sweep_engine import DaskCluster, LocalPool
+    from flexarm_ros.analysis.sweep.engine import DaskCluster, LocalPool
 
     if args.scheduler is not None:
         return DaskCluster(sweep.bases, args.scheduler)
@@ -136,7 +136,7 @@ def _pictures(
     args: argparse.Namespace, sweep: Sweep, table: Table, store: SweepStore, stop: Stop
 ) -> list[Path]:
     try:
-        from flexarm_ros.analysis.sweep_pictures import write_pictures
+        from flexarm_ros.analysis.sweep.pictures import write_pictures
     except ImportError as error:
         print(f'no pictures: {error}', file=sys.stderr)
         return []

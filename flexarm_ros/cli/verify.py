@@ -22,7 +22,7 @@ from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.bag_options import add_bag_options, given_scenario
-from flexarm_ros.core.parts import RECORDED_ROLES
+from flexarm_ros.core.run.parts import RECORDED_ROLES
 
 if TYPE_CHECKING:
     from flexarm_ros.bag.verify import Verdict

@@ -64,8 +64,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     words = _words(args)
     os.environ['ROS_DOMAIN_ID'] = str(domain.chosen_domain(args.domain) or 0)
-    from flexarm_ros.nodes.view_foxglove import layout
-    from flexarm_ros.nodes.viewer import view
+    from flexarm_ros.nodes.view.foxglove import layout
+    from flexarm_ros.nodes.view.viewer import view
 
     print(f'ROS_DOMAIN_ID={os.environ["ROS_DOMAIN_ID"]}', flush=True)
     if not args.no_server:

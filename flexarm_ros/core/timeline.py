@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 
-from flexarm_ros.core.parameters import RunParameters
+from flexarm_ros.core.parameters.sections import RunParameters
 
 T0_NS = 1_000_000_000
 """Stamp of tick 0: one second, since a stamp of zero means "no time" in ROS."""

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 import math
 
-from flexarm_ros.core.kinematics import inverse_kinematics, reach, REACH_TOLERANCE, rigid_point
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.arm.kinematics import inverse_kinematics, reach, REACH_TOLERANCE, rigid_point
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
 
 Vector6 = tuple[float, float, float, float, float, float]

@@ -27,7 +27,7 @@ import time
 
 from flexarm_ros.core.timeline import seconds_to_ns, Timeline
 from flexarm_ros.launcher.processes import NodeProcesses
-from flexarm_ros.scenario.suite import Fault
+from flexarm_ros.scenario.suites.suite import Fault
 
 _SIGNALS = {
     'kill': signal.SIGKILL,

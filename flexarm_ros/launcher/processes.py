@@ -29,10 +29,10 @@ import sys
 import time
 from types import MappingProxyType
 
-from flexarm_ros.launcher.forked import Adopted, can_fork, NotForked
-from flexarm_ros.launcher.forked import start as start_forked
-from flexarm_ros.launcher.litter import Litter
+from flexarm_ros.launcher.fork.parent import Adopted, can_fork, NotForked
+from flexarm_ros.launcher.fork.parent import start as start_forked
 from flexarm_ros.launcher.reports import RunWatch
+from flexarm_ros.launcher.shm_cleanup import Litter
 
 END_GRACE_S = 3.0
 """Wall time that the nodes have to leave by themselves once a run is broken off."""

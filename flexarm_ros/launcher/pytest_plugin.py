@@ -30,9 +30,9 @@ from typing import Any, TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from flexarm_ros.bag.cdr import FloatArray
     from flexarm_ros.bag.verify import Verdict
     from flexarm_ros.launcher.suite import SuiteResult
+    from flexarm_ros.wire.cdr import FloatArray
 
 Command = Sequence[str | Path]
 
@@ -123,7 +123,7 @@ def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
     ) -> SuiteResult:
         from flexarm_ros.launcher.run import check_commands
         from flexarm_ros.launcher.suite import default_jobs, run_suite
-        from flexarm_ros.scenario.suite import load
+        from flexarm_ros.scenario.suites.suite import load
 
         loaded, words = load(suite), _words(nodes)
         check_commands(words)
@@ -145,7 +145,7 @@ def _fly(
     directory: Path,
 ) -> Flight:
     from flexarm_ros import scenario
-    from flexarm_ros.scenario.rclyaml import quoted
+    from flexarm_ros.scenario.yaml.rclyaml import quoted
 
     config = scenario.load(name, [f'{key}={quoted(value)}' for key, value in settings.items()])
     stem = Path(name).stem

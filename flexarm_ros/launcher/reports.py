@@ -26,9 +26,9 @@ import signal
 import time
 from typing import Any
 
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import Answer, PARTS, signals
-from flexarm_ros.nodes.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import Answer, PARTS, signals
+from flexarm_ros.nodes.runtime.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
 
 _CRASHES = {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
 """Signals that a process brings on itself, and may have said why."""

@@ -29,16 +29,16 @@ import time
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
-from flexarm_ros.core.parameters import PaceParameters, RunConfig, specs
-from flexarm_ros.core.parts import REPLACEABLE, ROLES
-from flexarm_ros.core.warmup import warm_up
+from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, specs
+from flexarm_ros.core.run.parts import REPLACEABLE, ROLES
+from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProcesses
 from flexarm_ros.launcher.reports import RunWatch
-from flexarm_ros.nodes.environment import log_directory
-from flexarm_ros.nodes.own_parameters import how_to_go_on
-from flexarm_ros.scenario.rclyaml import quoted
+from flexarm_ros.nodes.runtime.environment import log_directory
+from flexarm_ros.nodes.runtime.own_parameters import how_to_go_on
+from flexarm_ros.scenario.yaml.rclyaml import quoted
 
 VERDICT_S = 0.3
 """Wall time after the first failure in which a verdict nearer to the cause may come in."""
@@ -293,7 +293,8 @@ class _Leaving:
         Blame whoever is not done when nothing has happened for the limit.
 
         Those that are have delivered all and closed their files: Fast DDS may wait for itself
-        for ever where a process leaves it (see `flexarm_ros.nodes.leaving`).  They are ended.
+        for ever where a process leaves it (see `flexarm_ros.nodes.runtime.shutdown_watchdog`).
+        They are ended.
         """
         now = time.monotonic()
         state = (len(nodes.ours), nodes.report.tick)

@@ -25,7 +25,7 @@ from typing import Any
 from flexarm_ros.analysis.spawning import spawn_context
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.core.ending import handle_ending
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.warned import allow_warnings
 
 _LOOK_S = 0.1

@@ -30,12 +30,12 @@ from typing import Any
 
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.launcher.apart import simulate_apart
 from flexarm_ros.launcher.domains import NoDomainError
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.run import run_scenario, RunOptions
-from flexarm_ros.scenario.expect import Outcome
-from flexarm_ros.scenario.suite import Case, Suite
+from flexarm_ros.launcher.subprocess_simulation import simulate_apart
+from flexarm_ros.scenario.suites.expect import Outcome
+from flexarm_ros.scenario.suites.suite import Case, Suite
 
 CORES_PER_RUN = 2
 """A distributed run keeps about two cores busy; more side by side only slow one another."""

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import sys
 
-from flexarm_ros.bag.files import open_standard_files
+from flexarm_ros.bag.mcap.files import open_standard_files
 from flexarm_ros.core.warned import allow_warnings
 
 

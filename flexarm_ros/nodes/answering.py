@@ -19,12 +19,12 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from flexarm_ros.bag.topics import per_tick_topics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import answer_of, STATE
-from flexarm_ros.core.state import MessageState
-from flexarm_ros.nodes.lockstep import Input, RunFailed
-from flexarm_ros.nodes.participant import Participant
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import answer_of, STATE
+from flexarm_ros.core.run.state import MessageState
+from flexarm_ros.nodes.runtime.lockstep import Input, RunFailed
+from flexarm_ros.nodes.runtime.participant import Participant
+from flexarm_ros.wire.topics import per_tick_topics
 
 
 class AnsweringNode(Participant):

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.parts import ROLES
+from flexarm_ros.core.run.parts import ROLES
 
 OWN = {'plant': 'PlantNode', 'trajectory': 'TrajectoryNode', 'recorder': 'RecorderNode'}
 """Roles whose node does more than answer: its class, in the module of the role's name."""

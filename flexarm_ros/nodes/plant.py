@@ -21,13 +21,13 @@ import copy
 import time
 from typing import Any, ClassVar
 
-from flexarm_ros.core.plant import instability, make_plant
-from flexarm_ros.nodes.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.nodes.own_parameters import how_to_go_on
-from flexarm_ros.nodes.participant import Participant
-from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
-from flexarm_ros.nodes.run_control import RunControl
-from flexarm_ros.nodes.status import Phase
+from flexarm_ros.core.arm.plant import instability, make_plant
+from flexarm_ros.nodes.run_control.services import RunControl
+from flexarm_ros.nodes.runtime.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
+from flexarm_ros.nodes.runtime.own_parameters import how_to_go_on
+from flexarm_ros.nodes.runtime.participant import Participant
+from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
+from flexarm_ros.nodes.runtime.status import Phase
 
 RECORDER_WINDOW = 256
 """Ticks that the plant may be ahead of the recorder, well below the topics' depth."""

@@ -27,20 +27,20 @@ import traceback
 from typing import Any
 
 from flexarm_ros.core.ending import handle_ending
-from flexarm_ros.core.parts import ROLES
+from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.classes import module_of, OWN
-from flexarm_ros.nodes.environment import (
+from flexarm_ros.nodes.runtime.environment import (
     enforce_security,
     environment_domain,
     environment_notes,
     EnvironmentRefused,
 )
-from flexarm_ros.nodes.leaving import leaving
-from flexarm_ros.nodes.lockstep import connect, spin
-from flexarm_ros.nodes.middleware import start
-from flexarm_ros.nodes.participant import describe, Participant
-from flexarm_ros.nodes.supervisor import Supervisor
+from flexarm_ros.nodes.runtime.lockstep import connect, spin
+from flexarm_ros.nodes.runtime.middleware import start
+from flexarm_ros.nodes.runtime.participant import describe, Participant
+from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.supervisor import Supervisor
 from flexarm_ros.scenario import ScenarioError
 import rclpy
 from rclpy.exceptions import ROSInterruptException
@@ -64,11 +64,11 @@ def run_process(name: str, argv: list[str]) -> int:
     for note in environment_notes():
         print(note, file=sys.stderr)
     if name == 'player':
-        from flexarm_ros.nodes.player import play
+        from flexarm_ros.nodes.player.player import play
 
         return play(argv)
     if name == 'viewer':
-        from flexarm_ros.nodes.viewer import view
+        from flexarm_ros.nodes.view.viewer import view
 
         return view(argv)
     if name not in (*ROLES, COMPOSE):

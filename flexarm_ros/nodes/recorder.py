@@ -29,11 +29,11 @@ from flexarm_ros.bag.recording import (
     prepare_directory,
     Recording,
 )
-from flexarm_ros.nodes.graph import RECORDED_TOPIC
-from flexarm_ros.nodes.live import ChangesInput
-from flexarm_ros.nodes.lockstep import RunFailed
-from flexarm_ros.nodes.participant import Participant
-from flexarm_ros.nodes.progress import ProgressOutput
+from flexarm_ros.nodes.runtime.graph import RECORDED_TOPIC
+from flexarm_ros.nodes.runtime.live import ChangesInput
+from flexarm_ros.nodes.runtime.lockstep import RunFailed
+from flexarm_ros.nodes.runtime.participant import Participant
+from flexarm_ros.nodes.runtime.progress import ProgressOutput
 
 _LOOK_S = 0.02
 """Longest wall time between two batches: waking at each message would cost most."""

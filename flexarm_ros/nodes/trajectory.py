@@ -19,11 +19,11 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.trajectory import Reference
-from flexarm_ros.nodes.graph import TICK_EVERY, TICK_TOPIC
-from flexarm_ros.nodes.participant import Participant
-from flexarm_ros.nodes.progress import ProgressInput
+from flexarm_ros.nodes.runtime.graph import TICK_EVERY, TICK_TOPIC
+from flexarm_ros.nodes.runtime.participant import Participant
+from flexarm_ros.nodes.runtime.progress import ProgressInput
 
 AHEAD = 64
 """Most ticks that the reference is published before its time.

@@ -15,16 +15,16 @@
 """
 Checks of a scenario as a whole: what one key's Spec cannot say.
 
-The core judges what its formulas need (:mod:`flexarm_ros.core.checks`); here are the limits
+The core judges what its formulas need (:mod:`flexarm_ros.core.run.checks`); here are the limits
 that only a reader of strangers' files needs.  Errors name the key, the value and what is
 allowed.
 """
 
 from __future__ import annotations
 
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.scenario.convert import exact_ns
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario.errors import clip, ScenarioError
+from flexarm_ros.scenario.yaml.convert import exact_ns
 
 MAX_BUFFER_TICKS = 1_000_000
 """Longest latency in ticks: a sensor keeps that many past values."""
@@ -63,8 +63,8 @@ def _check_torques(config: RunConfig) -> None:
 def _check_model(config: RunConfig) -> None:
     """Let the core judge, and bound the steps that it would take."""
     # Imported here: compiled code takes half a second to import, and errors above need none.
-    from flexarm_ros.core import checks
-    from flexarm_ros.core.plant import choose_substeps, highest_frequency
+    from flexarm_ros.core.arm.plant import choose_substeps, highest_frequency
+    from flexarm_ros.core.run import checks
     import numpy as np
 
     try:

@@ -38,12 +38,12 @@ from pathlib import Path
 import re
 import sys
 
-from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
-from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, show, Tree
 from flexarm_ros.scenario.reader import build, is_of_ros, MAX_BYTES, PathLike, WHOLE_RUN
+from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, show, Tree
 
 PARAMETERS = 'ros__parameters'
 UNSET = 'null'
@@ -104,7 +104,8 @@ class NodeParameters:
         Return the scenario, defaults filled in; ScenarioError if it is not allowed.
 
         Whether the parts fit together is judged only if other roles' sections were given: else
-        their parameters are known once their nodes tell them (`flexarm_ros.nodes.agreement`).
+        their parameters are known once their nodes tell them
+        (`flexarm_ros.nodes.runtime.config_exchange`).
         """
         values = {where: given.tree for where, given in self.scenario.items()}
         config = build(values, torque_base=self.torque_base, whole=False)

@@ -23,14 +23,14 @@ import os
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core.parameters import PaceParameters, RunConfig, SECTIONS, Spec, specs
+from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, SECTIONS, Spec, specs
 from flexarm_ros.scenario.check import check
-from flexarm_ros.scenario.convert import convert
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
-from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, show, Tree, tree_of
 from flexarm_ros.scenario.torque_file import check_order, HEADER, read_torques, Torques
+from flexarm_ros.scenario.yaml.convert import convert
+from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, show, Tree, tree_of
 
 PathLike = str | os.PathLike[str]
 Values = dict[tuple[str, str], Tree]

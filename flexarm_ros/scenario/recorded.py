@@ -23,9 +23,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
-from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.rclyaml import Mapping, parse, Scalar, Tree
 from flexarm_ros.scenario.reader import (
     build,
     check_torques,
@@ -34,6 +33,7 @@ from flexarm_ros.scenario.reader import (
     Values,
     WHOLE_RUN,
 )
+from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, Tree
 
 RECORDER = 'recorder'
 """The section of which no message depends."""

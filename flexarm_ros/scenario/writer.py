@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-from flexarm_ros.core.parameters import RunConfig, SECTIONS, specs
-from flexarm_ros.scenario.rclyaml import write
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
 from flexarm_ros.scenario.reader import FIELD_OF
+from flexarm_ros.scenario.yaml.rclyaml import write
 
 UNUSED = {
     'tip_sensor': ('measurand', 'latency', 'latency_model', 'noise_std'),
@@ -84,7 +84,7 @@ def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
     Integrator steps a tick, limits of deflection, pose and rates at the start and the held point
     are filled in; what stays ``None`` has no meaning in this scenario.
     """
-    from flexarm_ros.core.plant import choose_substeps, deflection_limits, highest_frequency
+    from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, highest_frequency
     from flexarm_ros.core.trajectory import initial_angles, make_path
 
     data = to_dict(config)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
 

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.delay import pade2_matrices
-from flexarm_ros.core.modes import LinearArm
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.sensing.delay import pade2_matrices
+from flexarm_ros.stability.modes import LinearArm
 import numpy as np
 from scipy.linalg import expm
 
@@ -79,7 +79,7 @@ def line_length(period_ns: int, latency_ns: int) -> int:
 
 def buffer_line(period_ns: int, latency_ns: int) -> DelayLine:
     """
-    Return the one channel's line of :class:`flexarm_ros.core.delay.BufferDelay`.
+    Return the one channel's line of :class:`flexarm_ros.core.sensing.delay.BufferDelay`.
 
     States: the samples of the ticks before, the newest first.  A latency of
     w + p ticks, 0 <= p < 1, weighs the samples of age w and w + 1 with 1 - p and p.
@@ -96,7 +96,7 @@ def buffer_line(period_ns: int, latency_ns: int) -> DelayLine:
 
 def pade_line(period_ns: int, latency_ns: int) -> DelayLine:
     """
-    Return the one channel's line of :class:`flexarm_ros.core.delay.PadeDelay`.
+    Return the one channel's line of :class:`flexarm_ros.core.sensing.delay.PadeDelay`.
 
     States: its z1, z2 and the last input.
     """

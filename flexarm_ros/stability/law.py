@@ -30,13 +30,13 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.arm.kinematics import jacobian
 from flexarm_ros.core.control import gain_of, LAWS, PLANNING
-from flexarm_ros.core.kinematics import jacobian
-from flexarm_ros.core.modes import LinearArm
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.stability_form import LinearLaw, NoLinearFormError
-from flexarm_ros.core.stability_planned import planned_law
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
+from flexarm_ros.stability.modes import LinearArm
+from flexarm_ros.stability.planned import planned_law
 import numpy as np
 
 

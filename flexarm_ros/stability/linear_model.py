@@ -15,7 +15,7 @@
 """
 The arm about a pose as one linear system: torques in, what the sensors deliver out.
 
-This is the part of :class:`flexarm_ros.core.stability.SampledLoop` that is not the law, as
+This is the part of :class:`flexarm_ros.stability.sampled_loop.SampledLoop` that is not the law, as
 matrices that any control library takes.  In discrete time, one step a tick, it is what is flown:
 torques held over a tick, delays exact (``buffer``) or the ramp-invariant approximation
 (``pade2``).  In continuous time every delay is the second-order Pade approximation, as the paper
@@ -26,20 +26,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.modes import linearise
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.sensors import ticks_per_sample
-from flexarm_ros.core.signals import coordinate_names
-from flexarm_ros.core.stability import CHANNELS, MOST_STATES
-from flexarm_ros.core.stability_parts import (
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.signals import coordinate_names
+from flexarm_ros.core.sensing.sensors import ticks_per_sample
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+from flexarm_ros.stability.hold import (
     buffer_line,
     DelayLine,
     hold_matrices,
     line_length,
     pade_line,
 )
-from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+from flexarm_ros.stability.modes import linearise
+from flexarm_ros.stability.sampled_loop import CHANNELS, MOST_STATES
 import numpy as np
 from scipy.linalg import block_diag
 
@@ -159,7 +159,7 @@ def _continuous_pade(latency: float) -> DelayLine:
     Return the paper's second-order Pade approximation of a delay, s, of one channel.
 
     (1 - s tau / 2 + (s tau)^2 / 12) / (1 + s tau / 2 + (s tau)^2 / 12), states z1 = the input at
-    rest and z2 = tau z1'; see :func:`flexarm_ros.core.delay.pade2_matrices`.
+    rest and z2 = tau z1'; see :func:`flexarm_ros.core.sensing.delay.pade2_matrices`.
     """
     if latency == 0.0:
         return DelayLine(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))

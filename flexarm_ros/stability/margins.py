@@ -26,11 +26,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 import math
 
-from flexarm_ros.core.kinematics import inverse_kinematics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.stability import SampledLoop
+from flexarm_ros.core.arm.kinematics import inverse_kinematics
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import make_path, Side
+from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
 
 ROUNDING = 1e-9

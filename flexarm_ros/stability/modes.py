@@ -24,12 +24,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.kinematics import make_point
-from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant_eq14 import Eq14Matrices
-from flexarm_ros.core.plant_full import elastic_diagonals, mass_matrix
-from flexarm_ros.core.plant_full_model import END, make_constants
+from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
+from flexarm_ros.core.arm.plant_full import elastic_diagonals, mass_matrix
+from flexarm_ros.core.arm.plant_full_model import END, make_constants
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 import numpy as np
 
 JOINTS = {

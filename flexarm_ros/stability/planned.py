@@ -29,17 +29,17 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.arm.kinematics import jacobian
 from flexarm_ros.core.control.design.filter import UNKNOWNS
 from flexarm_ros.core.control.design.motion import model_of, plan_for
 from flexarm_ros.core.control.lqg import design_of, Latency, latency_of
 from flexarm_ros.core.control.planned import lead
-from flexarm_ros.core.kinematics import jacobian
-from flexarm_ros.core.modes import LinearArm, linearise
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.stability_form import LinearLaw, NoLinearFormError
-from flexarm_ros.core.stability_parts import hold_matrices
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
+from flexarm_ros.stability.hold import hold_matrices
+from flexarm_ros.stability.modes import LinearArm, linearise
 import numpy as np
 
 _NEAR = 0.02

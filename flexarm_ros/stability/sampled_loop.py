@@ -27,29 +27,29 @@ For (21) this holds at the gain K_s lambda(0, 0) of straight links.  Another
 gain, by ``factor``, freezes lambda at what it is for bent ones: a loop that
 does not exist at rest, but that the arm has while it swings.
 
-The laws that plan the motion are in :mod:`flexarm_ros.core.stability_planned`.
+The laws that plan the motion are in :mod:`flexarm_ros.stability.planned`.
 
 Not in a linear analysis: torque limits, noise, counts, speed.
 """
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.arm.plant import make_plant
 from flexarm_ros.core.control import PLANNING
-from flexarm_ros.core.modes import linearise
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.plant import make_plant
-from flexarm_ros.core.sensors import ticks_per_sample
-from flexarm_ros.core.stability_form import LinearLaw
-from flexarm_ros.core.stability_law import linear_law
-from flexarm_ros.core.stability_parts import (
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.sensing.sensors import ticks_per_sample
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+from flexarm_ros.stability.form import LinearLaw
+from flexarm_ros.stability.hold import (
     buffer_line,
     DelayLine,
     hold_matrices,
     line_length,
     pade_line,
 )
-from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+from flexarm_ros.stability.law import linear_law
+from flexarm_ros.stability.modes import linearise
 import numpy as np
 from numpy.typing import NDArray
 

@@ -178,7 +178,7 @@ class Codec:
         try:
             return self.decode(data)
         except ValueError:
-            from flexarm_ros.bag import foreign
+            from flexarm_ros.wire import generic_decode as foreign
 
             return foreign.values(self.type_name, data, self.fields)
 

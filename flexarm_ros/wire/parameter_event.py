@@ -25,11 +25,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from flexarm_ros.bag.foreign import message, typestore
-from flexarm_ros.bag.topics import Qos
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.parameters import SECTIONS, specs
+from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.sections import SECTIONS, specs
 from flexarm_ros.core.timeline import NS_PER_S, T0_NS
+from flexarm_ros.wire.generic_decode import message, typestore
+from flexarm_ros.wire.topics import Qos
 import numpy as np
 
 TOPIC = 'lockstep/changes'

@@ -17,7 +17,7 @@ The topics of a run: names, types, quality of service and canonical order.
 
 At every tick each of these topics carries exactly one message, ``/clock`` only where
 ``/**.clock_rate`` says so.  Which they are follows from the run's parts
-(`flexarm_ros.core.parts`).  The order of ``per_tick_topics`` is the order of the messages
+(`flexarm_ros.core.run.parts`).  The order of ``per_tick_topics`` is the order of the messages
 of one tick in a bag; it follows the flow of the data: clock, state, measurements and
 reference, torque.
 """
@@ -27,11 +27,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from flexarm_ros.bag.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
-from flexarm_ros.core import parts
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import PlantParameters, RunConfig, TipSensorParameters
-from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, LINKS, PlanarPoint
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
+from flexarm_ros.core.run import parts
+from flexarm_ros.core.run.signals import BASE_FRAME, Clock, Joints, LINKS, PlanarPoint
+from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
 
 _Values = TypeVar('_Values', tuple[float, ...], FloatArray)
 
@@ -69,7 +69,7 @@ class Topic:
     ``name`` is relative (``plant/state``), so that namespaces and remapping
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
     it, at tick 0 and every ``every`` ticks.  ``late`` and ``ahead`` tell of its stamps: see
-    `flexarm_ros.core.parts.Part`.
+    `flexarm_ros.core.run.parts.Part`.
     """
 
     name: str

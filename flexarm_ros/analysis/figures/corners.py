@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_style import (
+from flexarm_ros.analysis.figures.style import (
     between,
     BLACK,
     GREY,
@@ -31,7 +31,7 @@ from flexarm_ros.analysis.figures_style import (
     styled,
     wrap,
 )
-from flexarm_ros.analysis.report_runs import Run
+from flexarm_ros.analysis.report.runs import Run
 import numpy as np
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_style import (
+from flexarm_ros.analysis.figures.style import (
     BLACK,
     BLUE,
     GREEN,
@@ -29,10 +29,10 @@ from flexarm_ros.analysis.figures_style import (
     styles,
     wrap,
 )
-from flexarm_ros.analysis.report_runs import labels, number, Run
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.fls import fls_lambda
-from flexarm_ros.core.fls_definition import INPUT_SETS, OUTPUT_SETS
+from flexarm_ros.analysis.report.runs import labels, number, Run
+from flexarm_ros.core.control.fls import fls_lambda
+from flexarm_ros.core.control.fls_definition import INPUT_SETS, OUTPUT_SETS
+from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
 if TYPE_CHECKING:

@@ -26,8 +26,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_corners import corner_figure
-from flexarm_ros.analysis.figures_style import (
+from flexarm_ros.analysis.figures.corners import corner_figure
+from flexarm_ros.analysis.figures.style import (
     BLACK,
     drawing,
     GREY,
@@ -42,8 +42,8 @@ from flexarm_ros.analysis.figures_style import (
     styled,
     wrap,
 )
-from flexarm_ros.analysis.report_runs import load_runs, Run
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.analysis.report.runs import load_runs, Run
+from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
 if TYPE_CHECKING:
@@ -71,12 +71,12 @@ def write_figures(run_dirs: Sequence[Path | Run], out: Path) -> list[Path]:
             stem = 'signals' if len(groups) == 1 else f'signals_{group.slug}'
             written += save(signal_figure(group), out, stem)
         if any(run.law == 'fls' for run in runs):
-            from flexarm_ros.analysis.figures_fls import fls_figure
+            from flexarm_ros.analysis.figures.fls import fls_figure
 
             fuzzy = next(group for group in groups if group.law == 'fls')
             written += save(fls_figure(fuzzy.runs), out, 'fls')
         if len(groups) > 1:
-            from flexarm_ros.analysis.figures_paper import paper_figures
+            from flexarm_ros.analysis.figures.paper import paper_figures
 
             for stem, figure in paper_figures(groups):
                 written += save(figure, out, stem)

@@ -31,7 +31,7 @@ import textwrap
 from types import ModuleType
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.analysis.report_runs import (
+from flexarm_ros.analysis.report.runs import (
     COLLOCATED,
     CORRECTED,
     external_parts,
@@ -40,7 +40,7 @@ from flexarm_ros.analysis.report_runs import (
     NONCOLLOCATED,
     Run,
 )
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
 if TYPE_CHECKING:

@@ -24,10 +24,10 @@ from typing import Any
 from flexarm_ros.bag.outputs import summary_of
 from flexarm_ros.bag.reader import open_run
 from flexarm_ros.bag.trajectory import trajectory
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.rows import COLUMNS
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
 import numpy as np
 
 BLOCK = 512

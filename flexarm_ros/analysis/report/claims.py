@@ -26,10 +26,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.report_runs import Run
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.scenario import suite
-from flexarm_ros.scenario.expect import Outcome
+from flexarm_ros.analysis.report.runs import Run
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.scenario.suites import suite
+from flexarm_ros.scenario.suites.expect import Outcome
 
 _WALL_CLOCK = ('start_timeout', 'tick_timeout', 'on_invalid', 'record', 'clock_rate')
 """Keys of the whole run that no number depends on."""

@@ -20,9 +20,9 @@ import base64
 from collections.abc import Sequence
 from typing import Any
 
-from flexarm_ros.analysis.figures_style import SPARE_STYLES, styles
-from flexarm_ros.analysis.report_runs import labels, law_name, Run
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.analysis.figures.style import SPARE_STYLES, styles
+from flexarm_ros.analysis.report.runs import labels, law_name, Run
+from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 from numpy.typing import NDArray
 

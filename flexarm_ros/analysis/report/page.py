@@ -35,10 +35,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from flexarm_ros.analysis import report_tables as tables
-from flexarm_ros.analysis.report_claims import evaluate
-from flexarm_ros.analysis.report_data import page_data
-from flexarm_ros.analysis.report_runs import load_runs, Run
+from flexarm_ros.analysis.report import tables as tables
+from flexarm_ros.analysis.report.claims import evaluate
+from flexarm_ros.analysis.report.data import page_data
+from flexarm_ros.analysis.report.runs import load_runs, Run
 import numpy as np
 
 SCRIPTS = ('report_base.js', 'report_chart.js', 'report_arm.js', 'report_fls.js', 'report_main.js')
@@ -95,7 +95,7 @@ def script_json(data: Any) -> str:
 
 
 def _asset(name: str) -> str:
-    return (resources.files('flexarm_ros.analysis') / 'assets' / name).read_text('utf-8')
+    return (resources.files('flexarm_ros.analysis.report') / 'assets' / name).read_text('utf-8')
 
 
 def _hash(text: str) -> str:
@@ -117,8 +117,8 @@ def _sampling(data: dict[str, Any]) -> str:
 
 def _fls_data(runs: Sequence[Run]) -> dict[str, Any]:
     """Return the fuzzy logic system's sets, and lambda over the universe and near zero."""
-    from flexarm_ros.analysis.figures_fls import gain_kn, lambda_grid
-    from flexarm_ros.core.fls_definition import INPUT_SETS, OUTPUT_SETS
+    from flexarm_ros.analysis.figures.fls import gain_kn, lambda_grid
+    from flexarm_ros.core.control.fls_definition import INPUT_SETS, OUTPUT_SETS
 
     kn = gain_kn(runs)
     grids = []
@@ -135,7 +135,7 @@ def _fls_data(runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def _fls_section() -> str:
-    from flexarm_ros.core.fls_definition import INPUT_SETS, RULES
+    from flexarm_ros.core.control.fls_definition import INPUT_SETS, RULES
 
     head = ''.join(f'<th scope="col">δ₂ is {name}</th>' for name in INPUT_SETS)
     rows = ''.join(

@@ -22,10 +22,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.kinematics import round_off
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.rows import COLUMNS
+from flexarm_ros.core.arm.kinematics import round_off
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.trajectory_rows import COLUMNS
 import numpy as np
 
 COLLOCATED = 'collocated'
@@ -201,7 +201,7 @@ def _from_bag(
     path: Path, given: RunConfig | None, namespace: str | None
 ) -> tuple[Mapping[str, FloatArray], Mapping[str, Any], Path]:
     """Return columns and summary of a bag, and the directory that it is the bag of."""
-    from flexarm_ros.analysis.report_bag import read_bag
+    from flexarm_ros.analysis.report.bag import read_bag
     from flexarm_ros.bag.errors import BagError
 
     try:

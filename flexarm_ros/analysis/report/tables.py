@@ -24,9 +24,9 @@ from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
 
-from flexarm_ros.analysis.report_claims import Claim, Claims
-from flexarm_ros.analysis.report_runs import labels, number, Run
-from flexarm_ros.core.parameters import SECTIONS, specs
+from flexarm_ros.analysis.report.claims import Claim, Claims
+from flexarm_ros.analysis.report.runs import labels, number, Run
+from flexarm_ros.core.parameters.sections import SECTIONS, specs
 
 MOST_SWITCHES = 12
 """Direction switches whose overshoots a page lists."""

@@ -25,12 +25,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 import math
 
-from flexarm_ros.core.kinematics import rigid_point
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.stability import SampledLoop
-from flexarm_ros.core.stability_margins import crossing_ns, Pose, poses_along
+from flexarm_ros.core.arm.kinematics import rigid_point
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.timeline import NS_PER_S
+from flexarm_ros.stability.margins import crossing_ns, Pose, poses_along
+from flexarm_ros.stability.sampled_loop import SampledLoop
 
 LIMIT_S = 0.06
 RESOLUTION = 0.005

@@ -21,7 +21,7 @@ import csv
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_style import (
+from flexarm_ros.analysis.figures.style import (
     AMBER,
     BLACK,
     BLUE,

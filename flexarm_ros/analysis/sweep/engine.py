@@ -33,7 +33,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from flexarm_ros.analysis.spawning import spawn_context
-from flexarm_ros.analysis.sweep_worker import (
+from flexarm_ros.analysis.sweep.worker import (
     code_version,
     Row,
     run_tasks,
@@ -41,7 +41,7 @@ from flexarm_ros.analysis.sweep_worker import (
     start_worker,
     Task,
 )
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 Stop = Callable[[], bool]
 _LARGEST_CHUNK = 16

@@ -27,7 +27,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.analysis.figures_style import (
+from flexarm_ros.analysis.figures.style import (
     BLUE,
     drawing,
     GREY,
@@ -35,11 +35,11 @@ from flexarm_ros.analysis.figures_style import (
     ORANGE,
     save,
 )
+from flexarm_ros.analysis.sweep.store import Table
 from flexarm_ros.analysis.sweep_linear import BEST, Linear, WORST
-from flexarm_ros.analysis.sweep_store import Table
-from flexarm_ros.core.parameters import SECTIONS, specs
-from flexarm_ros.scenario.axes import numbers_in, Parameter
-from flexarm_ros.scenario.sweep import Sweep
+from flexarm_ros.core.parameters.sections import SECTIONS, specs
+from flexarm_ros.scenario.sweeps.axes import numbers_in, Parameter
+from flexarm_ros.scenario.sweeps.sweep import Sweep
 import numpy as np
 from numpy.typing import NDArray
 

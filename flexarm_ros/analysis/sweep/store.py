@@ -32,8 +32,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from flexarm_ros.analysis.sweep_worker import OUTCOMES, Row
-from flexarm_ros.scenario.sweep import Sweep
+from flexarm_ros.analysis.sweep.worker import OUTCOMES, Row
+from flexarm_ros.scenario.sweeps.sweep import Sweep
 
 IDENTITY, ROWS, TABLE, PARQUET = 'sweep.json', 'rows.jsonl', 'table.csv', 'table.parquet'
 

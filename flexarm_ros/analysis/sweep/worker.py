@@ -28,7 +28,7 @@ import os
 import threading
 from typing import Any
 
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.warned import allow_warnings
 
 Task = tuple[int, int, tuple[str, ...]]
@@ -52,9 +52,9 @@ def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
     The numbers are those of ``summary.json`` of ``flexarm simulate``.  Raises Stopped if
     ``stop()``, asked every 512 ticks, says so.
     """
-    from flexarm_ros.core.loop import ClosedLoop
-    from flexarm_ros.core.metrics import Metrics
-    from flexarm_ros.core.rows import Rows
+    from flexarm_ros.core.run.loop import ClosedLoop
+    from flexarm_ros.core.run.metrics import Metrics
+    from flexarm_ros.core.run.trajectory_rows import Rows
 
     loop, rows, metrics = ClosedLoop(config), Rows(config), Metrics(config)
     while (record := loop.tick()) is not None:

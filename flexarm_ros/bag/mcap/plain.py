@@ -19,15 +19,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexarm_ros.bag.files import make_directory, write_atomically
-from flexarm_ros.bag.frontmatter import MEDIA_TYPES
-from flexarm_ros.bag.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
+from flexarm_ros.bag.embedded_metadata import MEDIA_TYPES
+from flexarm_ros.bag.mcap.files import make_directory, write_atomically
+from flexarm_ros.bag.mcap.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
+from flexarm_ros.bag.mcap.scan import Message
+from flexarm_ros.bag.mcap.storage import Front
 from flexarm_ros.bag.metadata import bag_information, BagTopic, to_yaml
-from flexarm_ros.bag.scan import Message
-from flexarm_ros.bag.storage import Front
-from flexarm_ros.bag.topics import Qos
 from flexarm_ros.bag.writer import FILE_NAME
 from flexarm_ros.core.timeline import T0_NS
+from flexarm_ros.wire.topics import Qos
 
 ROSBAG2 = 'rosbag2'
 """The metadata record that rosbag2 reads; it is made anew."""

@@ -35,9 +35,7 @@ from pathlib import Path
 import shutil
 
 from flexarm_ros import scenario
-from flexarm_ros.bag import changes
-from flexarm_ros.bag.errors import BagContentError, BagError, BagExistsError
-from flexarm_ros.bag.frontmatter import (
+from flexarm_ros.bag.embedded_metadata import (
     bag_config,
     PARAMETERS_RECORD,
     PROVENANCE_FILE,
@@ -45,16 +43,10 @@ from flexarm_ros.bag.frontmatter import (
     SCENARIO_FILE,
     TORQUES_FILE,
 )
-from flexarm_ros.bag.mcapfile import LIBRARY
-from flexarm_ros.bag.plain import PlainWriter
-from flexarm_ros.bag.reader import (
-    check_complete,
-    front_provenance,
-    front_scenario,
-    topic_index,
-    unknown_notes,
-)
-from flexarm_ros.bag.scan import (
+from flexarm_ros.bag.errors import BagContentError, BagError, BagExistsError
+from flexarm_ros.bag.mcap.mcapfile import LIBRARY
+from flexarm_ros.bag.mcap.plain import PlainWriter
+from flexarm_ros.bag.mcap.scan import (
     Damage,
     DATA_CHECKSUM,
     inner_records,
@@ -65,12 +57,20 @@ from flexarm_ros.bag.scan import (
     Scanner,
     unpack,
 )
-from flexarm_ros.bag.storage import find_bag, Front
-from flexarm_ros.bag.topics import per_tick_topics
+from flexarm_ros.bag.mcap.storage import find_bag, Front
+from flexarm_ros.bag.reader import (
+    check_complete,
+    front_provenance,
+    front_scenario,
+    topic_index,
+    unknown_notes,
+)
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.torque_file import parse_torques
+from flexarm_ros.wire import parameter_event as changes
+from flexarm_ros.wire.topics import per_tick_topics
 from mcap.opcode import Opcode
 from mcap.records import Header
 import numpy as np

@@ -34,7 +34,7 @@ from typing import Any, BinaryIO, TypeVar
 import zlib
 
 from flexarm_ros.bag.errors import BagError, BagFormatError, BagLimitError
-from flexarm_ros.bag.mcapfile import MAGIC
+from flexarm_ros.bag.mcap.mcapfile import MAGIC
 import lz4.frame  # type: ignore[import-untyped]
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode

@@ -30,10 +30,17 @@ from pathlib import Path
 import re
 from typing import Any
 
+from flexarm_ros.bag.embedded_metadata import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.errors import BagError, BagFormatError, BagLimitError, BagMissingError
-from flexarm_ros.bag.frontmatter import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
+from flexarm_ros.bag.mcap.scan import (
+    attachment_sound,
+    Damage,
+    library_record,
+    Message,
+    Record,
+    Scanner,
+)
 from flexarm_ros.bag.metadata import read_files
-from flexarm_ros.bag.scan import attachment_sound, Damage, library_record, Message, Record, Scanner
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from rosbags.rosbag2 import Reader

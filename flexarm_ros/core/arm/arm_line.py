@@ -16,9 +16,9 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.kinematics import make_point
-from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
 

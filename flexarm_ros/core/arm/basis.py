@@ -32,7 +32,7 @@ Three families of functions, from which ``plant.basis`` is built:
     function a link it is the end force's deflection alone.
 ``polynomial``
     Curvatures are the Legendre polynomials, orthonormal: a complete set that
-    converges exponentially, of which :mod:`flexarm_ros.core.basis_arm` makes
+    converges exponentially, of which :mod:`flexarm_ros.core.arm.basis_arm` makes
     the few functions of ``arm_modes``.
 
 The functions chosen are then combined so that they are orthogonal in mass and
@@ -42,8 +42,8 @@ cantilever mode.  Scale: the integral of phi_i^2 over xi is 1/4 and
 phi_i(1) > 0, with which an exact cantilever mode has phi_i(1) = 1, its
 coordinate then being its share of the end deflection in metres.
 
-The arithmetic is that of :mod:`flexarm_ros.core.elementary` and
-:mod:`flexarm_ros.core.small_linalg`: two processes must arrive at the same last bit.
+The arithmetic is that of :mod:`flexarm_ros.core.numerics.elementary` and
+:mod:`flexarm_ros.core.numerics.small_linalg`: two processes must arrive at the same last bit.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 import math
 
-from flexarm_ros.core.beam import beam_mode, beam_shape, clamped_free_mode
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.small_linalg import (
+from flexarm_ros.core.arm.beam import beam_mode, beam_shape, clamped_free_mode
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.small_linalg import (
     inverse_factor,
     product,
     symmetric_eigen,

@@ -41,12 +41,12 @@ from functools import lru_cache
 import math
 from typing import NamedTuple
 
-from flexarm_ros.core.basis import Basis, identity, orthogonal_basis
-from flexarm_ros.core.basis_integrals import linear_integrals
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.elementary import sincos
-from flexarm_ros.core.parameters import PlantParameters
-from flexarm_ros.core.small_linalg import product, symmetric_eigen, weighted_gram
+from flexarm_ros.core.arm.basis import Basis, identity, orthogonal_basis
+from flexarm_ros.core.arm.basis_integrals import linear_integrals
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.elementary import sincos
+from flexarm_ros.core.numerics.small_linalg import product, symmetric_eigen, weighted_gram
+from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
 FINE = 12

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexarm_ros.core.basis import Basis, composite_rule, gauss5, PANELS
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.small_linalg import product, weighted_gram
+from flexarm_ros.core.arm.basis import Basis, composite_rule, gauss5, PANELS
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.small_linalg import product, weighted_gram
 import numpy as np
 
 

@@ -30,8 +30,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.elementary import exp, sincos
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.elementary import exp, sincos
 import numpy as np
 
 AMPLITUDE = 0.1

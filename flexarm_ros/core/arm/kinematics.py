@@ -24,10 +24,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from flexarm_ros.core.beam import ClampedFreeModes
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.elementary import acos, atan2, sincos
-from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.arm.beam import ClampedFreeModes
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.elementary import acos, atan2, sincos
+from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
 Lengths = tuple[float, float]
@@ -158,7 +158,7 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
     shapes = np.zeros((3, count + 1))
     shapes[0, count], shapes[2, count] = along
     if plant.model == 'full':
-        from flexarm_ros.core.shapes_full import link_shapes
+        from flexarm_ros.core.arm.shapes_full import link_shapes
 
         shapes[0, :count], shapes[1, :count], short1 = link_shapes(plant, 0, along[0])
         shapes[2, :count], _, short2 = link_shapes(plant, 1, along[1])

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 import math
 from typing import Protocol
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant_eq14 import end_deflections, Eq14Matrices, step_eq14
-from flexarm_ros.core.signals import coordinate_names
+from flexarm_ros.core.arm.plant_eq14 import end_deflections, Eq14Matrices, step_eq14
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
+from flexarm_ros.core.run.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
 import numpy as np
@@ -83,7 +83,7 @@ def deflection_limits(plant: PlantParameters) -> tuple[float, float]:
 
 
 class Eq14Plant:
-    """The arm of (14); see :mod:`flexarm_ros.core.plant_eq14` and :class:`Plant`."""
+    """The arm of (14); see :mod:`flexarm_ros.core.arm.plant_eq14` and :class:`Plant`."""
 
     def __init__(self, config: RunConfig) -> None:
         matrices = Eq14Matrices(config.plant)
@@ -141,7 +141,7 @@ def choose_substeps(plant: PlantParameters, period: float, highest: float) -> in
 def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
     if config.plant.model == 'full':
-        from flexarm_ros.core import plant_full
+        from flexarm_ros.core.arm import plant_full
 
         return float(plant_full.highest_frequency(config))
     return Eq14Matrices(config.plant).highest_rate()
@@ -163,7 +163,7 @@ def make_plant(config: RunConfig) -> Plant:
     """
     plant: Plant
     if config.plant.model == 'full':
-        from flexarm_ros.core.plant_full import FullPlant
+        from flexarm_ros.core.arm.plant_full import FullPlant
 
         plant = FullPlant(config)
     else:

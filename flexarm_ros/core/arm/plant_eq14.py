@@ -33,12 +33,12 @@ balance the ledger are those that (14) leaves out.
 
 from __future__ import annotations
 
-from flexarm_ros.core.beam import ClampedFreeModes
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.elementary import sincos
-from flexarm_ros.core.linear import solve_symmetric
-from flexarm_ros.core.parameters import PlantParameters
-from flexarm_ros.core.small_linalg import largest_rate
+from flexarm_ros.core.arm.beam import ClampedFreeModes
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.elementary import sincos
+from flexarm_ros.core.numerics.linear import solve_symmetric
+from flexarm_ros.core.numerics.small_linalg import largest_rate
+from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
 

@@ -19,19 +19,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import PlantParameters, RunConfig
-from flexarm_ros.core.plant import choose_substeps, deflection_limits
-from flexarm_ros.core.plant_full_dynamics import (
+from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
+from flexarm_ros.core.arm.plant_full_dynamics import (
     end_deflections,
     energy,
     make_work,
     mass_and_bias,
     step,
 )
-from flexarm_ros.core.plant_full_model import DAMPING, make_constants, STIFFNESS
-from flexarm_ros.core.signals import coordinate_names
-from flexarm_ros.core.small_linalg import largest_rate
+from flexarm_ros.core.arm.plant_full_model import DAMPING, make_constants, STIFFNESS
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.small_linalg import largest_rate
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
+from flexarm_ros.core.run.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
@@ -51,7 +51,7 @@ _ANGLES = 25
 
 class FullPlant:
     """
-    The arm of :mod:`flexarm_ros.core.plant_full_model`; a ``Plant``.
+    The arm of :mod:`flexarm_ros.core.arm.plant_full_model`; a ``Plant``.
 
     ``q`` and ``qd``, shape ``(2 + 2 modes,)``, in the order of ``names``:
     theta1, theta2 (rad), then the coordinates of link 1 and link 2 (m); views

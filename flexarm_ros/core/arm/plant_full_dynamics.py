@@ -31,10 +31,8 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.elementary import sincos
-from flexarm_ros.core.plant_full_link import FW, FX, FY, link_terms, SPIN_INERTIA, SX, SY
-from flexarm_ros.core.plant_full_model import (
+from flexarm_ros.core.arm.plant_full_link import FW, FX, FY, link_terms, SPIN_INERTIA, SX, SY
+from flexarm_ros.core.arm.plant_full_model import (
     Constants,
     DAMPING,
     END,
@@ -45,6 +43,8 @@ from flexarm_ros.core.plant_full_model import (
     MEAN,
     STIFFNESS,
 )
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.elementary import sincos
 import numpy as np
 
 Work: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

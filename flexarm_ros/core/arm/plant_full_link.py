@@ -15,8 +15,8 @@
 """
 Compiled inertia and acceleration terms of one flexible link in its own frame.
 
-Notation as in :mod:`flexarm_ros.core.plant_full_dynamics`.  With r = (x, y) the
-map of :mod:`flexarm_ros.core.plant_full_model`, x_a = -G a and y_a = phi:
+Notation as in :mod:`flexarm_ros.core.arm.plant_full_dynamics`.  With r = (x, y) the
+map of :mod:`flexarm_ros.core.arm.plant_full_model`, x_a = -G a and y_a = phi:
 
     S = int rho r,  D = int rho r_a,  I = int rho |r|^2,
     h = int rho (x y_a - y x_a),  F = int rho (x_a x_a^T + y_a y_a^T)
@@ -28,8 +28,7 @@ and f_a.  Terms to fourth order in (a, a') follow and all of them are kept.
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.plant_full_model import (
+from flexarm_ros.core.arm.plant_full_model import (
     FIRST,
     INERTIA,
     MEAN,
@@ -38,6 +37,7 @@ from flexarm_ros.core.plant_full_model import (
     SHORT,
     SPIN,
 )
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 
 # The parts of a link's result that are single numbers: rows of ``out``.
 SX, SY, SPIN_INERTIA, FX, FY, FW = range(6)

@@ -31,11 +31,11 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-from flexarm_ros.core.basis import Basis, identity, orthogonal_basis
-from flexarm_ros.core.basis_arm import arm_bases
-from flexarm_ros.core.basis_integrals import linear_integrals, shortening_integrals
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import PlantParameters
+from flexarm_ros.core.arm.basis import Basis, identity, orthogonal_basis
+from flexarm_ros.core.arm.basis_arm import arm_bases
+from flexarm_ros.core.arm.basis_integrals import linear_integrals, shortening_integrals
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
 # Rows of ``Constants.scalars``, ``.vectors`` and ``.matrices``.

@@ -16,9 +16,9 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import PlantParameters
-from flexarm_ros.core.plant_full_model import link_bases
+from flexarm_ros.core.arm.plant_full_model import link_bases
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import PlantParameters
 
 
 def link_shapes(

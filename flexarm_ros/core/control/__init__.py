@@ -23,7 +23,7 @@ from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
 from flexarm_ros.core.control.open_loop import OpenLoopLaw
 from flexarm_ros.core.control.pd import FlsLaw, fuzzy_gain, PdLaw
 from flexarm_ros.core.control.planned import InverseLaw, PassiveLaw
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 LAWS: dict[str, type[Law]] = {
     'pd': PdLaw,

@@ -34,11 +34,11 @@ arm is straight and at the elbow, and fails for a bent arm out of reach.
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import compiled
+from flexarm_ros.core.arm.kinematics import rigid_point
 from flexarm_ros.core.control.law import Sample
-from flexarm_ros.core.elementary import sincos
-from flexarm_ros.core.kinematics import rigid_point
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.numerics.compiled import compiled
+from flexarm_ros.core.numerics.elementary import sincos
+from flexarm_ros.core.parameters.sections import RunConfig
 
 Point = tuple[float, float, float, float]
 

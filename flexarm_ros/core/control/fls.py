@@ -15,7 +15,7 @@
 """
 The fuzzy logic system of (21), evaluated exactly.
 
-The definition is :mod:`flexarm_ros.core.fls_definition`; this is its value in
+The definition is :mod:`flexarm_ros.core.control.fls_definition`; this is its value in
 closed form.  With a = |delta1| / K_n and b = |delta2| / K_n on [0, 1] the nine
 rules of Table 1 fire three output sets,
 
@@ -30,7 +30,7 @@ a quotient of polynomials in the strengths, with no sampling at all.
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import compiled
+from flexarm_ros.core.numerics.compiled import compiled
 
 
 @compiled

@@ -18,7 +18,7 @@ The one definition of the fuzzy logic system: Figures 2 and 3, Table 1.
 Membership functions and rules are given here as numbers; :func:`build` makes
 the scikit-fuzzy control system of them, which can be printed, plotted and
 computed (slowly: 5 ms a value).  The loop uses the exact evaluation of
-:mod:`flexarm_ros.core.fls`, which the tests hold against this one.
+:mod:`flexarm_ros.core.control.fls`, which the tests hold against this one.
 scikit-fuzzy is imported only when asked for.
 """
 

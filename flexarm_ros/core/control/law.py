@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import math
 from typing import NamedTuple
 
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 
 class Sample(NamedTuple):

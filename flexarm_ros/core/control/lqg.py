@@ -31,7 +31,9 @@ from functools import lru_cache
 import math
 from typing import NamedTuple
 
-from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.arm.kinematics import elastic_point
+from flexarm_ros.core.arm.plant_full_dynamics import step
+from flexarm_ros.core.arm.plant_full_model import Constants
 from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
 from flexarm_ros.core.control.design.model import adjust, Arm, Point
 from flexarm_ros.core.control.design.motion import APART, around, model_of, plan_for, Planned
@@ -39,12 +41,14 @@ from flexarm_ros.core.control.design.plan import Grid
 from flexarm_ros.core.control.design.regulator import fill_regulator, RegulatorWeights
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
-from flexarm_ros.core.elementary import exp
-from flexarm_ros.core.kinematics import elastic_point
-from flexarm_ros.core.parameters import ControllerParameters, RunConfig, TipSensorParameters
-from flexarm_ros.core.plant_full_dynamics import step
-from flexarm_ros.core.plant_full_model import Constants
-from flexarm_ros.core.sensors import ticks_per_sample
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.elementary import exp
+from flexarm_ros.core.parameters.sections import (
+    ControllerParameters,
+    RunConfig,
+    TipSensorParameters,
+)
+from flexarm_ros.core.sensing.sensors import ticks_per_sample
 from flexarm_ros.core.timeline import named_ns, Timeline
 import numpy as np
 

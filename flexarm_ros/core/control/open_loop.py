@@ -20,7 +20,7 @@ from itertools import pairwise
 
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 
 Row = tuple[float, float, float]

@@ -17,9 +17,9 @@
 from __future__ import annotations
 
 from flexarm_ros.core.control.feedback import jacobian_torque, TipFeedback
+from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.control.law import Law, Sample
-from flexarm_ros.core.fls import fls_lambda
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 
 
 class PdLaw(Law):

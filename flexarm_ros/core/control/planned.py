@@ -40,14 +40,14 @@ and the tip's Jacobian.
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.arm.kinematics import elastic_point, rigid_point
 from flexarm_ros.core.control.design.model import Point
 from flexarm_ros.core.control.design.motion import plan_for
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
 from flexarm_ros.core.control.lqg import latency_of
-from flexarm_ros.core.kinematics import elastic_point, rigid_point
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 

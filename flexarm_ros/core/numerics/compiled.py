@@ -19,7 +19,7 @@ The one way in which functions of the core are compiled.
 change a result from one run to the next: no fast-math, no contraction of a
 product and a sum into one operation, no threads.  Functions under it use plain
 loops, never ``@`` or ``numpy.linalg``, whose order of summation is BLAS's own
-affair, and :mod:`flexarm_ros.core.elementary` for what is not +, -, *, / or
+affair, and :mod:`flexarm_ros.core.numerics.elementary` for what is not +, -, *, / or
 sqrt.
 
 Where the cache is, :mod:`flexarm_ros.code_cache` says.  A file in it that cannot be

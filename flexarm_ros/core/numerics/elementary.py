@@ -20,7 +20,7 @@ sine of the C library differs between its versions, and within one version
 between processors; NumPy's differs with the vector unit that it finds.  So all
 that the numbers of a run depend on uses these functions, which are made of the
 five operations alone, in a fixed order.  The compiler may not change that
-order or fuse two operations into one: :mod:`flexarm_ros.core.compiled` leaves
+order or fuse two operations into one: :mod:`flexarm_ros.core.numerics.compiled` leaves
 fast-math and contraction off.  Compiled and interpreted they give equal bits.
 
 Each is within 1 ulp of the true value for every finite argument; NaN, infinities
@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.compiled import compiled
+from flexarm_ros.core.numerics.compiled import compiled
 import numpy as np
 
 _QUARTER_PI = math.pi / 4.0

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 
 
 @compiled

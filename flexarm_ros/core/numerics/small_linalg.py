@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 import numpy as np
 
 

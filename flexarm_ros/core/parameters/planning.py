@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexarm_ros.core.parameters_spec import parameter as _key
+from flexarm_ros.core.parameters.spec import parameter as _key
 
 
 @dataclass(frozen=True)

@@ -26,10 +26,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.parameters_planning import PlanningParameters
-from flexarm_ros.core.parameters_spec import parameter as _key
-from flexarm_ros.core.parameters_spec import Spec, specs
+from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.planning import PlanningParameters
+from flexarm_ros.core.parameters.spec import parameter as _key
+from flexarm_ros.core.parameters.spec import Spec, specs
 
 __all__ = [
     'SECTIONS',

@@ -18,10 +18,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from flexarm_ros.core.changes import Agenda
-from flexarm_ros.core.compiled import FloatArray
-from flexarm_ros.core.parameters import changed, RunConfig
-from flexarm_ros.core.parts import (
+from flexarm_ros.core.arm.plant import instability, make_plant
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.changes import Agenda
+from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.parts import (
     Answers,
     COMMAND,
     ControllerPart,
@@ -30,9 +31,8 @@ from flexarm_ros.core.parts import (
     signals,
     TIP,
 )
-from flexarm_ros.core.plant import instability, make_plant
-from flexarm_ros.core.sensors import Measurement
-from flexarm_ros.core.state import Four, State
+from flexarm_ros.core.run.state import Four, State
+from flexarm_ros.core.sensing.sensors import Measurement
 from flexarm_ros.core.timeline import Timeline
 
 _NAMES = [signal.name for _, signal in signals(RunConfig())]
@@ -43,7 +43,7 @@ class TickRecord(NamedTuple):
     """
     What the nodes publish in one tick.
 
-    ``messages``: see `flexarm_ros.core.parts.Answers`; ``gain``: lambda, or nan.  The state's
+    ``messages``: see `flexarm_ros.core.run.parts.Answers`; ``gain``: lambda, or nan.  The state's
     arrays are the plant's own: valid until the next tick.
     """
 

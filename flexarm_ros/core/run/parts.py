@@ -26,8 +26,8 @@ from collections.abc import Callable, Sequence
 from operator import itemgetter
 from typing import Any, ClassVar, TYPE_CHECKING
 
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.signals import (
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.signals import (
     Clock,
     coordinate_names,
     Joints,
@@ -40,8 +40,8 @@ from flexarm_ros.core.timeline import clock_ticks
 # What a part computes with is imported when it is made: the list itself is asked for by each
 # command before it has read its arguments.
 if TYPE_CHECKING:
-    from flexarm_ros.core.sensors import Measurement
-    from flexarm_ros.core.state import Four, State
+    from flexarm_ros.core.run.state import Four, State
+    from flexarm_ros.core.sensing.sensors import Measurement
 
 CLOCK, STATE = '/clock', 'plant/state'
 JOINT_STATES, TIP = 'joint_states', 'tip_sensor/odometry'
@@ -136,7 +136,7 @@ class EncoderPart(Answer):
         return (Signal(JOINT_STATES, Joints()),)
 
     def __init__(self, config: RunConfig) -> None:
-        from flexarm_ros.core.sensors import Encoder
+        from flexarm_ros.core.sensing.sensors import Encoder
 
         self.sensor = Encoder(config)
         self._measure = self.sensor.measure
@@ -175,7 +175,7 @@ class TipSensorPart(Answer):
         return Signal(TIP + suffix, PlanarPoint(f'tip_sensor{suffix}', variance))
 
     def __init__(self, config: RunConfig) -> None:
-        from flexarm_ros.core.sensors import further_sensors, TipSensor
+        from flexarm_ros.core.sensing.sensors import further_sensors, TipSensor
 
         self.sensors = (TipSensor(config), *further_sensors(config))
         self._measure, self._alone = self.sensors[0].measure, len(self.sensors) == 1

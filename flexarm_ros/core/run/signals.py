@@ -15,7 +15,7 @@
 """
 What a part of a run publishes, in terms of numbers: names of the values, frames, variance.
 
-The layer that makes bytes turns these into ROS messages (`flexarm_ros.bag.topics`).
+The layer that makes bytes turns these into ROS messages (`flexarm_ros.wire.topics`).
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
 Four = tuple[float, float, float, float]

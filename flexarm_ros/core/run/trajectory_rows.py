@@ -24,11 +24,11 @@ from __future__ import annotations
 from collections.abc import Collection
 import math
 
-from flexarm_ros.core.changes import Agenda
-from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.arm.kinematics import elastic_point, make_point, rigid_point
 from flexarm_ros.core.control import gain_of
-from flexarm_ros.core.kinematics import elastic_point, make_point, rigid_point
-from flexarm_ros.core.parameters import changed, RunConfig
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.parameters.changes import Agenda
+from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import Reference
 

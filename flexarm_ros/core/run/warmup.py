@@ -16,10 +16,10 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.loop import ClosedLoop
-from flexarm_ros.core.metrics import Metrics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.rows import Rows
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.trajectory_rows import Rows
 
 
 def warm_up(config: RunConfig) -> None:

@@ -40,8 +40,8 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.elementary import exp, sincos
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.elementary import exp, sincos
 import numpy as np
 
 CHANNELS = 4

@@ -33,11 +33,11 @@ from collections.abc import Sequence
 from decimal import Decimal
 import math
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.delay import BufferDelay, PadeDelay, Sample4
-from flexarm_ros.core.elementary import log
-from flexarm_ros.core.kinematics import make_point
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.elementary import log
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.sensing.delay import BufferDelay, PadeDelay, Sample4
 from flexarm_ros.core.timeline import named_ns, T0_NS, ticks_between, Timeline
 import numpy as np
 
@@ -134,7 +134,7 @@ class Encoder:
         self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
 
     def set_latency_ns(self, latency_ns: int) -> None:
-        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.delay`)."""
+        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.sensing.delay`)."""
         self._latency.set_ns(latency_ns)
 
     def check_latency(self, seconds: float) -> None:
@@ -197,7 +197,7 @@ class TipSensor:
         self._held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
 
     def set_latency_ns(self, latency_ns: int) -> None:
-        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.delay`)."""
+        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.sensing.delay`)."""
         self._latency.set_ns(latency_ns)
 
     def check_latency(self, seconds: float) -> None:

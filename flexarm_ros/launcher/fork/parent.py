@@ -30,7 +30,7 @@ import time
 
 from flexarm_ros.nodes.classes import MODULES
 
-NURSERY = 'flexarm_ros.launcher.nursery'
+NURSERY = 'flexarm_ros.launcher.fork.server'
 _LIMIT_S = 300.0
 """Wall time for imports, and for compiling where nothing has been compiled yet."""
 

@@ -15,10 +15,10 @@
 """
 One process that imports once and forks: what ``python -m MODULE ...`` does, many times over.
 
-``python -m flexarm_ros.launcher.nursery`` reads a request from its standard input (JSON: modules
-to import, the scenario whose compiled functions to load, and for each child its command line and
-the descriptors of its standard files), forks the children, prints their process ids and ends.
-`flexarm_ros.launcher.forked` asks.
+``python -m flexarm_ros.launcher.fork.server`` reads a request from its standard input (JSON:
+modules to import, the scenario whose compiled functions to load, and for each child its command
+line and the descriptors of its standard files), forks the children, prints their process ids and
+ends.  `flexarm_ros.launcher.fork.parent` asks.
 
 Children of one process have its addresses.  The processor keeps what it has learned of a
 program's jumps by their addresses, so each child finds the interpreter warm that another has
@@ -93,7 +93,7 @@ def main() -> int:
     """Do what the request on standard input asks for; a child goes on as its own command."""
     allow_warnings()  # before anything else is imported
     from flexarm_ros import scenario
-    from flexarm_ros.core.warmup import warm_up
+    from flexarm_ros.core.run.warmup import warm_up
 
     request = json.load(sys.stdin)
     show_command(sys.orig_argv)  # where it does not work nothing is forked

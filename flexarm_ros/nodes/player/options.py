@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from flexarm_ros.nodes.own_parameters import FASTEST, OWN
-from flexarm_ros.nodes.parameters import declare_own
+from flexarm_ros.nodes.runtime.own_parameters import FASTEST, OWN
+from flexarm_ros.nodes.runtime.parameters import declare_own
 from flexarm_ros.scenario import ScenarioError
 from rclpy.node import Node
 

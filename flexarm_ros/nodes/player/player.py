@@ -32,16 +32,16 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.topics import CLOCK, COMMAND, Topic
 from flexarm_ros.core.ending import handle_ending
-from flexarm_ros.nodes.endpoints import NO_OVERRIDES
-from flexarm_ros.nodes.graph import message_class, qos_profile
-from flexarm_ros.nodes.leaving import leaving
-from flexarm_ros.nodes.lockstep import RunFailed
-from flexarm_ros.nodes.middleware import start
-from flexarm_ros.nodes.pace import Pace
-from flexarm_ros.nodes.player_options import declare, number, PlayerError, PlayerOptions
-from flexarm_ros.nodes.standin import ControllerSeat
+from flexarm_ros.nodes.player.options import declare, number, PlayerError, PlayerOptions
+from flexarm_ros.nodes.player.pace import Pace
+from flexarm_ros.nodes.player.replay_peer import ControllerSeat
+from flexarm_ros.nodes.runtime.endpoints import NO_OVERRIDES
+from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
+from flexarm_ros.nodes.runtime.lockstep import RunFailed
+from flexarm_ros.nodes.runtime.middleware import start
+from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
+from flexarm_ros.wire.topics import CLOCK, COMMAND, Topic
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.duration import Duration

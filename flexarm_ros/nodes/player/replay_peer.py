@@ -20,20 +20,20 @@ from collections.abc import Callable
 import time
 from typing import TYPE_CHECKING
 
-from flexarm_ros.bag.topics import COMMAND, per_tick_topics
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import ROLES
-from flexarm_ros.nodes.agreement import dump_sections
-from flexarm_ros.nodes.compatibility import publisher_fault, subscriber_faults
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import message_class, qos_profile
-from flexarm_ros.nodes.identity import UNKNOWN_NODE
-from flexarm_ros.nodes.lockstep import RunFailed
-from flexarm_ros.nodes.middleware import source_of
-from flexarm_ros.nodes.status import Board, Phase
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.nodes.runtime.compatibility import publisher_fault, subscriber_faults
+from flexarm_ros.nodes.runtime.config_exchange import dump_sections
+from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
+from flexarm_ros.nodes.runtime.identity import UNKNOWN_NODE
+from flexarm_ros.nodes.runtime.lockstep import RunFailed
+from flexarm_ros.nodes.runtime.middleware import source_of
+from flexarm_ros.nodes.runtime.status import Board, Phase
+from flexarm_ros.wire.topics import COMMAND, per_tick_topics
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.player import PlayerNode
+    from flexarm_ros.nodes.player.player import PlayerNode
 
 _FOREIGN_GRACE_S = 1.0
 

@@ -20,7 +20,7 @@ The services are in the plant, which alone decides when a tick begins:
 (std_srvs/Trigger).  How many ticks a step has, and the speed, are the plant's
 parameters ``step_ticks`` and ``real_time_factor``.  Where the package
 simulation_interfaces is installed, its standard services are offered too: see
-`flexarm_ros.nodes.simulation_services`.
+`flexarm_ros.nodes.run_control.simulation_services`.
 
 Services run on the thread that serves parameters; the lock-step loop reads
 what they set between two ticks, under a lock.
@@ -33,8 +33,8 @@ import threading
 import time
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.nodes.own_parameters import FASTEST
-from flexarm_ros.nodes.simulation_services import offer_standard_services
+from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
+from flexarm_ros.nodes.runtime.own_parameters import FASTEST
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger

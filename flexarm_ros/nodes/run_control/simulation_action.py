@@ -29,7 +29,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.run_control import RunControl
+    from flexarm_ros.nodes.run_control.services import RunControl
 
 NAME = 'simulate_steps'
 _LOOK_S = 0.005

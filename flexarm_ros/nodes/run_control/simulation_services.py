@@ -29,7 +29,7 @@ from typing import Any, TYPE_CHECKING
 from rclpy.node import Node
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.run_control import RunControl
+    from flexarm_ros.nodes.run_control.services import RunControl
 
 _TIME_AND_STATE = 1 | 2
 """ResetSimulation's SCOPE_TIME and SCOPE_STATE; nothing is ever spawned (4)."""
@@ -44,7 +44,7 @@ def offer_standard_services(node: Node, control: RunControl) -> bool:
     except ImportError:
         return False
     # Imported here: without the package no node has to pay for what actions need.
-    from flexarm_ros.nodes.simulation_action import StepAction
+    from flexarm_ros.nodes.run_control.simulation_action import StepAction
 
     StepAction(node, control, action.SimulateSteps, msg.Result)
     standard = StandardServices(control, msg, srv)

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from flexarm_ros.nodes.identity import node_of
+from flexarm_ros.nodes.runtime.identity import node_of
 from rclpy.duration import Infinite
 from rclpy.node import Node
 from rclpy.qos import LivelinessPolicy, qos_check_compatible, QoSCompatibility, QoSProfile

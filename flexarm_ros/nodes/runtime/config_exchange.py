@@ -22,7 +22,7 @@ import json
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.parameters import RunConfig, RunParameters, SECTIONS
+from flexarm_ros.core.parameters.sections import RunConfig, RunParameters, SECTIONS
 
 
 class Disagreement(ValueError):

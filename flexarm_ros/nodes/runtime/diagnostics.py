@@ -28,13 +28,13 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.status import Phase
+from flexarm_ros.nodes.runtime.status import Phase
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.participant import Participant
+    from flexarm_ros.nodes.runtime.participant import Participant
 
 TOPIC = '/diagnostics'
 """Absolute, as everywhere in ROS 2: the status' name says whose it is."""

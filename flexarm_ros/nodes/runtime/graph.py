@@ -19,9 +19,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from flexarm_ros.bag.topics import Qos, Topic
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import PARTS, readers
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import PARTS, readers
+from flexarm_ros.wire.topics import Qos, Topic
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 OUTPUT = {part.NAME: own[-1].name for part in PARTS if (own := part.signals(RunConfig()))}

@@ -19,7 +19,7 @@ The graph shows every endpoint with its GID.  A received message's info may hold
 same GID (Fast DDS with rclpy of June 2025 or later), a handle that means something in
 the receiving process only (Cyclone DDS), or nothing (rclpy of Jazzy).  No name of a
 middleware decides which: each node measures it on its own status message, which comes
-back to it (`flexarm_ros.nodes.status`).
+back to it (`flexarm_ros.nodes.runtime.status`).
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ Parameters that may change while a run goes on: checked at once, set at a tick b
 
 ``ros2 param set`` is answered on the thread that serves parameters, after the
 value has been checked as one in a scenario is.  The lock-step loop takes it up
-before its next tick k: it tells the recorder (`flexarm_ros.bag.changes`),
+before its next tick k: it tells the recorder (`flexarm_ros.wire.parameter_event`),
 waits until that has it, and only then answers tick k with the new value.  So
 the record says exactly which message was the first with it.
 """
@@ -29,19 +29,19 @@ import time
 from typing import TYPE_CHECKING
 
 from flexarm_ros import scenario
-from flexarm_ros.bag import changes
-from flexarm_ros.core.changes import Change
-from flexarm_ros.core.parameters import changed, RunConfig, SECTIONS, specs
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
-from flexarm_ros.nodes.graph import qos_profile
-from flexarm_ros.nodes.lockstep import RunFailed
+from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.sections import changed, RunConfig, SECTIONS, specs
+from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.graph import qos_profile
+from flexarm_ros.nodes.runtime.lockstep import RunFailed
+from flexarm_ros.wire import parameter_event as changes
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.participant import Participant
+    from flexarm_ros.nodes.runtime.participant import Participant
 
 _TOLD_S = 2.0
 

@@ -28,16 +28,16 @@ import math
 import time
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.bag.topics import Topic
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.graph import message_class, qos_profile
-from flexarm_ros.nodes.identity import gid_of, node_of, SenderInfo
-from flexarm_ros.nodes.status import printable
+from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
+from flexarm_ros.nodes.runtime.identity import gid_of, node_of, SenderInfo
+from flexarm_ros.nodes.runtime.status import printable
+from flexarm_ros.wire.topics import Topic
 import numpy as np
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.participant import Participant
+    from flexarm_ros.nodes.runtime.participant import Participant
 
 Values = tuple[float, ...]
 HOUSEKEEPING_S = 0.1

@@ -21,21 +21,26 @@ import math
 import time
 from typing import Any, NoReturn, TYPE_CHECKING
 
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import readers, ROLES
-from flexarm_ros.nodes.agreement import Disagreement, dump_sections, merge_sections
-from flexarm_ros.nodes.compatibility import connects, publisher_fault, shown, subscriber_faults
-from flexarm_ros.nodes.epochs import epoch_of, plant_of
-from flexarm_ros.nodes.graph import OUTPUT, read_by
-from flexarm_ros.nodes.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
-from flexarm_ros.nodes.lockstep import NeverMet, RunFailed
-from flexarm_ros.nodes.middleware import gid_prefix, name, source_of
-from flexarm_ros.nodes.status import Board, heard_by, Phase, Status, TOPIC, TYPE
-from flexarm_ros.nodes.supervisor import interrupted
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import readers, ROLES
+from flexarm_ros.nodes.runtime.compatibility import (
+    connects,
+    publisher_fault,
+    shown,
+    subscriber_faults,
+)
+from flexarm_ros.nodes.runtime.config_exchange import Disagreement, dump_sections, merge_sections
+from flexarm_ros.nodes.runtime.graph import OUTPUT, read_by
+from flexarm_ros.nodes.runtime.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
+from flexarm_ros.nodes.runtime.lockstep import NeverMet, RunFailed
+from flexarm_ros.nodes.runtime.middleware import gid_prefix, name, source_of
+from flexarm_ros.nodes.runtime.reset import epoch_of, plant_of
+from flexarm_ros.nodes.runtime.status import Board, heard_by, Phase, Status, TOPIC, TYPE
+from flexarm_ros.nodes.runtime.supervisor import interrupted
 from rclpy.publisher import Publisher
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.participant import Participant
+    from flexarm_ros.nodes.runtime.participant import Participant
 
 _FOREIGN_AFTER_S = 2.0
 """Seconds after which a publisher without a status counts as an external node."""

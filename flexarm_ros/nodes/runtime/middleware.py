@@ -26,8 +26,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ament_index_python.packages import get_package_share_path
-from flexarm_ros.nodes.environment import log_directory
-from flexarm_ros.nodes.identity import gid_of, node_of
+from flexarm_ros.nodes.runtime.environment import log_directory
+from flexarm_ros.nodes.runtime.identity import gid_of, node_of
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexarm_ros.core.parameters import PaceParameters, Spec, specs
-from flexarm_ros.scenario.convert import convert
-from flexarm_ros.scenario.rclyaml import Scalar, Tree
+from flexarm_ros.core.parameters.sections import PaceParameters, Spec, specs
+from flexarm_ros.scenario.yaml.convert import convert
+from flexarm_ros.scenario.yaml.rclyaml import Scalar, Tree
 
 FASTEST = 1e6
 """Largest multiple of real time, and largest number of seconds."""

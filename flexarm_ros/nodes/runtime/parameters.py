@@ -26,8 +26,8 @@ from collections.abc import Mapping as Map
 from itertools import pairwise
 from typing import Any
 
-from flexarm_ros.core.parameters import RunConfig, RunParameters, SECTIONS, Spec, specs
-from flexarm_ros.nodes.own_parameters import OWN, Own
+from flexarm_ros.core.parameters.sections import RunConfig, RunParameters, SECTIONS, Spec, specs
+from flexarm_ros.nodes.runtime.own_parameters import OWN, Own
 from flexarm_ros.scenario.nodefile import NodeName, NodeParameters, read_node
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node

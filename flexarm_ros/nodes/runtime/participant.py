@@ -20,20 +20,20 @@ import time
 import traceback
 from typing import Any, ClassVar
 
-from flexarm_ros.bag.topics import per_tick_topics
-from flexarm_ros.core.parameters import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.diagnostics import Diagnostics
-from flexarm_ros.nodes.epochs import Epochs
-from flexarm_ros.nodes.graph import reads
-from flexarm_ros.nodes.live import ChangesInput, LiveParameters
-from flexarm_ros.nodes.lockstep import HOUSEKEEPING_S, Input, NeverMet, Output, RunFailed
-from flexarm_ros.nodes.membership import Membership
-from flexarm_ros.nodes.own_parameters import OWN
-from flexarm_ros.nodes.parameters import declare_and_load, declare_own
-from flexarm_ros.nodes.progress import ProgressInput, ProgressOutput
-from flexarm_ros.nodes.status import Board, Phase
-from flexarm_ros.nodes.supervisor import INTERRUPTED, LAUNCHER_GONE, Supervisor
+from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
+from flexarm_ros.nodes.runtime.graph import reads
+from flexarm_ros.nodes.runtime.live import ChangesInput, LiveParameters
+from flexarm_ros.nodes.runtime.lockstep import HOUSEKEEPING_S, Input, NeverMet, Output, RunFailed
+from flexarm_ros.nodes.runtime.membership import Membership
+from flexarm_ros.nodes.runtime.own_parameters import OWN
+from flexarm_ros.nodes.runtime.parameters import declare_and_load, declare_own
+from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
+from flexarm_ros.nodes.runtime.reset import Epochs
+from flexarm_ros.nodes.runtime.status import Board, Phase
+from flexarm_ros.nodes.runtime.supervisor import INTERRUPTED, LAUNCHER_GONE, Supervisor
+from flexarm_ros.wire.topics import per_tick_topics
 from rclpy.duration import Duration
 from rclpy.node import Node
 
@@ -61,7 +61,7 @@ class Participant(Node):
     A subclass names its ``ROLE``, builds its part of the core in `build` and
     does one step of its work in `advance`, which returns False when it lacks
     an input.  Which topics it reads and writes follows from the table in
-    `flexarm_ros.bag.topics`.
+    `flexarm_ros.wire.topics`.
     """
 
     ROLE: ClassVar[str]
@@ -400,7 +400,7 @@ class Participant(Node):
         Without one as long as a peer may take to answer, since who stands still reads
         nothing, and four seconds at least: a lost message is asked for at the next heartbeat,
         which Fast DDS sends every three seconds where it has not our settings (see
-        `flexarm_ros.nodes.middleware`).  A user who ends the run does not wait that long.
+        `flexarm_ros.nodes.runtime.middleware`).  A user who ends the run does not wait that long.
         """
         if limit_s is None:
             limit_s = max(_FLUSH_S, self.config.run.tick_timeout + _REPAIR_S)

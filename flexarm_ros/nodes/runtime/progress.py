@@ -25,12 +25,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
 from rclpy.qos import QoSProfile
 from std_msgs.msg import UInt64
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.participant import Participant
+    from flexarm_ros.nodes.runtime.participant import Participant
 
 _QOS = QoSProfile(depth=1)
 

@@ -25,10 +25,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_ros.nodes.status import Phase, Status
+from flexarm_ros.nodes.runtime.status import Phase, Status
 
 if TYPE_CHECKING:
-    from flexarm_ros.nodes.participant import Participant
+    from flexarm_ros.nodes.runtime.participant import Participant
 
 _KEY = 'epoch'
 _PLANT = 'plant'

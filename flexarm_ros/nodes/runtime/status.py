@@ -35,9 +35,9 @@ from typing import Any
 import uuid
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
-from flexarm_ros.nodes.identity import gid_of, node_of, sender_of, SenderInfo
-from flexarm_ros.nodes.middleware import gid_prefix, source_of
+from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.identity import gid_of, node_of, sender_of, SenderInfo
+from flexarm_ros.nodes.runtime.middleware import gid_prefix, source_of
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 

@@ -29,10 +29,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core.signals import BASE_FRAME
-from flexarm_ros.nodes.skeleton import transforms
-from flexarm_ros.nodes.view_ros import BLUE, GREEN, GREY, ORANGE, PINK
-from flexarm_ros.nodes.view_scene import Frame, Point, Scene
+from flexarm_ros.core.run.signals import BASE_FRAME
+from flexarm_ros.nodes.view.ros import BLUE, GREEN, GREY, ORANGE, PINK
+from flexarm_ros.nodes.view.scene import Frame, Point, Scene
+from flexarm_ros.nodes.view.urdf import transforms
 
 SCENE, FRAMES, NUMBERS = '/arm/scene', '/arm/frames', '/arm'
 _MISSING = "foxglove-sdk is not installed: pip install 'flexarm_ros[view]'"
@@ -44,7 +44,7 @@ class ViewError(Exception):
 
 def layout() -> Path:
     """Return the layout file to import in Foxglove or Lichtblick."""
-    return Path(str(files('flexarm_ros.nodes') / 'assets' / 'flexarm.foxglove.json'))
+    return Path(str(files('flexarm_ros.nodes.view') / 'assets' / 'flexarm.foxglove.json'))
 
 
 class FoxgloveView:

@@ -21,10 +21,10 @@ from importlib import import_module
 import math
 from typing import Any
 
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.signals import BASE_FRAME
-from flexarm_ros.nodes.skeleton import transforms, urdf
-from flexarm_ros.nodes.view_scene import Frame, Point, Scene
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.signals import BASE_FRAME
+from flexarm_ros.nodes.view.scene import Frame, Point, Scene
+from flexarm_ros.nodes.view.urdf import transforms, urdf
 from geometry_msgs.msg import Point as PointMessage
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node

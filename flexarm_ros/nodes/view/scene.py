@@ -20,8 +20,12 @@ from collections import deque
 from dataclasses import dataclass
 import math
 
-from flexarm_ros.bag import changes
-from flexarm_ros.bag.topics import (
+from flexarm_ros.core.arm.arm_line import ArmLine
+from flexarm_ros.core.control import gain_of
+from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.wire import parameter_event as changes
+from flexarm_ros.wire.topics import (
     COMMAND,
     per_tick_topics,
     REFERENCE,
@@ -30,10 +34,6 @@ from flexarm_ros.bag.topics import (
     TIP,
     Topic,
 )
-from flexarm_ros.core.arm_line import ArmLine
-from flexarm_ros.core.control import gain_of
-from flexarm_ros.core.parameters import changed, RunConfig
-from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
 Point = tuple[float, float]

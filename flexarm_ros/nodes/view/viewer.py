@@ -29,20 +29,20 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from flexarm_ros import scenario
-from flexarm_ros.bag import changes
 from flexarm_ros.core.ending import handle_ending
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.nodes import status
-from flexarm_ros.nodes.agreement import Disagreement, told_config
-from flexarm_ros.nodes.endpoints import HOT, NO_OVERRIDES
-from flexarm_ros.nodes.graph import message_class
-from flexarm_ros.nodes.leaving import leaving
-from flexarm_ros.nodes.middleware import start
-from flexarm_ros.nodes.own_parameters import OWN
-from flexarm_ros.nodes.parameters import declare_own, given_parameters
-from flexarm_ros.nodes.view_foxglove import FoxgloveView, ViewError
-from flexarm_ros.nodes.view_ros import RosView
-from flexarm_ros.nodes.view_scene import Scene
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.nodes.runtime import status
+from flexarm_ros.nodes.runtime.config_exchange import Disagreement, told_config
+from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.graph import message_class
+from flexarm_ros.nodes.runtime.middleware import start
+from flexarm_ros.nodes.runtime.own_parameters import OWN
+from flexarm_ros.nodes.runtime.parameters import declare_own, given_parameters
+from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
+from flexarm_ros.nodes.view.foxglove import FoxgloveView, ViewError
+from flexarm_ros.nodes.view.ros import RosView
+from flexarm_ros.nodes.view.scene import Scene
+from flexarm_ros.wire import parameter_event as changes
 from rcl_interfaces.msg import ParameterEvent
 import rclpy
 from rclpy.node import Node

@@ -25,7 +25,7 @@ import operator
 from typing import Any
 
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
-from flexarm_ros.scenario.expect import known_metric, lookup, Metrics, Outcome
+from flexarm_ros.scenario.suites.expect import known_metric, lookup, Metrics, Outcome
 
 _BINARY: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,

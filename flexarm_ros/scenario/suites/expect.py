@@ -30,9 +30,9 @@ import re
 from typing import Any
 
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
-from flexarm_ros.scenario.rclyaml import Mapping as MapTree
-from flexarm_ros.scenario.rclyaml import Scalar, Sequence, show, Tree
-from flexarm_ros.scenario.treeread import as_list, as_map, as_number
+from flexarm_ros.scenario.yaml.rclyaml import Mapping as MapTree
+from flexarm_ros.scenario.yaml.rclyaml import Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.yaml.treeread import as_list, as_map, as_number
 
 Metrics = Mapping[str, Any]
 

@@ -45,16 +45,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.core.parts import ROLES
-from flexarm_ros.scenario.compare import Comparison
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.expect import Expectation, Metrics, Outcome, read_expectations
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find, first_comment, shipped, shipped_suites
-from flexarm_ros.scenario.rclyaml import parse, Tree
 from flexarm_ros.scenario.reader import load as load_scenario
-from flexarm_ros.scenario.treeread import (
+from flexarm_ros.scenario.suites.compare import Comparison
+from flexarm_ros.scenario.suites.expect import Expectation, Metrics, Outcome, read_expectations
+from flexarm_ros.scenario.yaml.rclyaml import parse, Tree
+from flexarm_ros.scenario.yaml.treeread import (
     as_list,
     as_map,
     as_number,

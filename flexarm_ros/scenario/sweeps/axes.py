@@ -27,12 +27,12 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.core.parameters import RunConfig, SECTIONS, Spec, specs
-from flexarm_ros.scenario.convert import convert
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, Spec, specs
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
 from flexarm_ros.scenario.reader import FIELD_OF, find_key, full_name, PACE
-from flexarm_ros.scenario.treeread import as_integer, as_list, as_map, as_number, yaml_text
+from flexarm_ros.scenario.yaml.convert import convert
+from flexarm_ros.scenario.yaml.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.yaml.treeread import as_integer, as_list, as_map, as_number, yaml_text
 
 if TYPE_CHECKING:
     import numpy as np

@@ -45,16 +45,16 @@ import hashlib
 import json
 from pathlib import Path
 
-from flexarm_ros.core.parameters import RunConfig
-from flexarm_ros.scenario.axes import Draw, Parameter, read_axis, read_draw
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.expect import known_metric
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find, first_comment, shipped, shipped_sweeps
-from flexarm_ros.scenario.rclyaml import parse, Sequence, Tree
 from flexarm_ros.scenario.reader import load as load_scenario
-from flexarm_ros.scenario.treeread import as_integer, as_map, as_text, overrides_of
+from flexarm_ros.scenario.suites.expect import known_metric
+from flexarm_ros.scenario.sweeps.axes import Draw, Parameter, read_axis, read_draw
 from flexarm_ros.scenario.writer import dump
+from flexarm_ros.scenario.yaml.rclyaml import parse, Sequence, Tree
+from flexarm_ros.scenario.yaml.treeread import as_integer, as_map, as_text, overrides_of
 
 MAX_BYTES = 1024 * 1024
 MAX_CASES = 1_000_000

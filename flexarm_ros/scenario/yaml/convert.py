@@ -21,9 +21,9 @@ import math
 import sys
 from typing import Any
 
-from flexarm_ros.core.parameters import Spec
+from flexarm_ros.core.parameters.sections import Spec
 from flexarm_ros.scenario.errors import ScenarioError
-from flexarm_ros.scenario.rclyaml import Mapping, Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.yaml.rclyaml import Mapping, Scalar, Sequence, show, Tree
 
 MAX_ITEMS = 10_000
 """Longest array of kind ``floats``."""

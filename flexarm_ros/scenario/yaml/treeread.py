@@ -20,7 +20,15 @@ from collections.abc import Iterable, Iterator
 import itertools
 
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
-from flexarm_ros.scenario.rclyaml import float_text, Mapping, quoted, Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.yaml.rclyaml import (
+    float_text,
+    Mapping,
+    quoted,
+    Scalar,
+    Sequence,
+    show,
+    Tree,
+)
 
 
 def as_map(tree: Tree, where: str, known: Iterable[str] | None = None) -> dict[str, Tree]:

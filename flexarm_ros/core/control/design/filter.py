@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.compiled import compiled, FloatArray
+from flexarm_ros.core.arm.plant_full_model import Constants
 from flexarm_ros.core.control.design.model import (
     Arm,
     discretise,
@@ -39,7 +39,7 @@ from flexarm_ros.core.control.design.model import (
     sensitivity,
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
-from flexarm_ros.core.plant_full_model import Constants
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 import numpy as np
 
 UNKNOWNS = 5

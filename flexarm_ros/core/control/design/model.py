@@ -24,11 +24,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.control.design.matrix import multiply
-from flexarm_ros.core.kinematics import elastic_point
-from flexarm_ros.core.plant_full_dynamics import acceleration, Work
-from flexarm_ros.core.plant_full_model import Constants
+from flexarm_ros.core.arm.kinematics import elastic_point
+from flexarm_ros.core.arm.plant_full_dynamics import acceleration, Work
+from flexarm_ros.core.arm.plant_full_model import Constants
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.matrix import multiply
 import numpy as np
 
 _TAYLOR = 10

@@ -21,19 +21,19 @@ from functools import lru_cache
 import math
 from typing import NamedTuple
 
-from flexarm_ros.core.compiled import FloatArray
+from flexarm_ros.core.arm.kinematics import inverse_kinematics, make_point
+from flexarm_ros.core.arm.plant_full import FullPlant
+from flexarm_ros.core.arm.plant_full_dynamics import make_work
+from flexarm_ros.core.arm.plant_full_model import Constants, link_bases, make_constants_on
 from flexarm_ros.core.control.design.model import Arm, Point
 from flexarm_ros.core.control.design.plan import fill_ticks, Grid, make_plan, Motion, Weights
-from flexarm_ros.core.kinematics import inverse_kinematics, make_point
-from flexarm_ros.core.parameters import (
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.sections import (
     PlantParameters,
     RunConfig,
     RunParameters,
     TrajectoryParameters,
 )
-from flexarm_ros.core.plant_full import FullPlant
-from flexarm_ros.core.plant_full_dynamics import make_work
-from flexarm_ros.core.plant_full_model import Constants, link_bases, make_constants_on
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import initial_angles, make_path, Path
 import numpy as np

@@ -39,8 +39,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.control.design.matrix import (
+from flexarm_ros.core.arm.plant_full_dynamics import step
+from flexarm_ros.core.control.design.model import (
+    Arm,
+    interval_matrices,
+    linearise,
+    point_jacobian,
+)
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.matrix import (
     add_outer,
     gains_of_two,
     multiply,
@@ -48,13 +55,6 @@ from flexarm_ros.core.control.design.matrix import (
     transpose_multiply,
     transpose_times,
 )
-from flexarm_ros.core.control.design.model import (
-    Arm,
-    interval_matrices,
-    linearise,
-    point_jacobian,
-)
-from flexarm_ros.core.plant_full_dynamics import step
 import numpy as np
 
 _ENOUGH = 1e-4

@@ -31,14 +31,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.control.design.matrix import (
-    add_outer,
-    gains_of_two,
-    multiply,
-    symmetrise,
-    transpose_multiply,
-)
+from flexarm_ros.core.arm.plant_full_model import Constants
 from flexarm_ros.core.control.design.model import (
     Arm,
     interval_matrices,
@@ -47,7 +40,14 @@ from flexarm_ros.core.control.design.model import (
     sensitivity,
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
-from flexarm_ros.core.plant_full_model import Constants
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.matrix import (
+    add_outer,
+    gains_of_two,
+    multiply,
+    symmetrise,
+    transpose_multiply,
+)
 import numpy as np
 
 

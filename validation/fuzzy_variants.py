@@ -15,7 +15,7 @@
 """
 The fuzzy logic system with any odd number of functions, and other readings of its rules.
 
-For studies only: the loop's own is :mod:`flexarm_ros.core.fls`, which is the
+For studies only: the loop's own is :mod:`flexarm_ros.core.control.fls`, which is the
 case ``half`` = 1 here.  With ``half`` functions on each side of ZERO an input
 has 2 half + 1 triangles with equally spaced peaks and feet at the neighbours'
 peaks; so has the output, ZERO to PMAX.  Table 1's intuition, lambda by the
@@ -28,8 +28,8 @@ instead, so that one bent link is as bad as two.
 
 from __future__ import annotations
 
-from flexarm_ros.core.compiled import compiled, FloatArray
-from flexarm_ros.core.fls import _half_moments
+from flexarm_ros.core.control.fls import _half_moments
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 import numpy as np
 
 RULES = ('sum', 'largest')
