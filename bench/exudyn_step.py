@@ -21,8 +21,8 @@ import time
 
 from bench.table import markdown, Ratio
 import exudyn  # noqa: F401 - whoever imports this learns here that it is not installed
-from flexarm_ros.core.arm.plant import make_plant
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.make_plant import make_plant
 from validation import exudyn_arm
 from validation.cases import CASES
 from validation.motion import compare, fly, full_plant

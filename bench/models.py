@@ -22,10 +22,10 @@ from typing import Any
 
 from bench.table import markdown, Part, Ratio
 from flexarm_ros import scenario
-from flexarm_ros.core.arm.plant import make_plant
 from flexarm_ros.core.arm.plant_eq14 import _acceleration, Eq14Matrices
 from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.control.fls_definition import build, INPUTS, OUTPUT
+from flexarm_ros.core.run.make_plant import make_plant
 import numpy as np
 from scipy.integrate import solve_ivp
 from skfuzzy import control

@@ -33,7 +33,7 @@ from typing import Any
 from bench.launch import PLAIN
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core import control
-from flexarm_ros.core.arm.plant import Eq14Plant
+from flexarm_ros.core.arm.plant_eq14 import Eq14Plant
 from flexarm_ros.core.sensing import sensors
 from flexarm_ros.core.trajectory import Reference
 from flexarm_ros.nodes import process

@@ -19,8 +19,8 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.arm.kinematics import make_point
-from flexarm_ros.core.arm.plant import make_plant
 from flexarm_ros.core.parameters.sections import RunConfig, RunParameters
+from flexarm_ros.core.run.make_plant import make_plant
 import numpy as np
 import pytest
 from validation.motion import full_plant

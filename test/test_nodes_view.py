@@ -179,7 +179,7 @@ def test_bad_options_of_the_view() -> None:
 
 @pytest.mark.parametrize('model', ['eq14', 'full'])
 def test_line_of_the_arm_ends_at_elbow_and_tip(model: str) -> None:
-    from flexarm_ros.core.arm.plant import make_plant
+    from flexarm_ros.core.run.make_plant import make_plant
 
     config = scenario.load('pd_tip', [f'plant.model={model}', 'plant.modes=2'])
     plant = make_plant(config)

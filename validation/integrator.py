@@ -20,8 +20,9 @@ from dataclasses import replace
 import math
 import time
 
-from flexarm_ros.core.arm.plant import highest_frequency, STABLE_PHASE
+from flexarm_ros.core.arm.plant import STABLE_PHASE
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
+from flexarm_ros.core.run.make_plant import highest_frequency
 import numpy as np
 from validation.motion import Array, full_plant, start
 from validation.report import Section

@@ -20,8 +20,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from flexarm_ros.core.arm.kinematics import make_point
-from flexarm_ros.core.arm.plant import make_plant, Plant
+from flexarm_ros.core.arm.plant import Plant
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
+from flexarm_ros.core.run.make_plant import make_plant
 import numpy as np
 from numpy.typing import NDArray
 

@@ -23,9 +23,10 @@ from flexarm_ros.api.pictures import frame
 from flexarm_ros.api.simulation import configure, Scenario
 from flexarm_ros.core.arm.arm_line import ArmLine
 from flexarm_ros.core.arm.kinematics import rigid_point
-from flexarm_ros.core.arm.plant import instability, make_plant
+from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.sensing.sensors import Encoder, TipSensor
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference

@@ -43,8 +43,8 @@ from flexarm_ros.bag.mcap.scan import Damage
 from flexarm_ros.bag.mcap.storage import BagFile, Front
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.signals import LINKS
 from flexarm_ros.core.sensing.sensors import ticks_per_sample
+from flexarm_ros.core.signals import LINKS
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
 from flexarm_ros.wire import generic_decode as foreign
 from flexarm_ros.wire import parameter_event as changes

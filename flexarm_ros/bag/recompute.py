@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from flexarm_ros.core.arm.plant import make_plant
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
+from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.parts import Answer, answering
 from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline

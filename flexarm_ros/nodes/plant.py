@@ -21,7 +21,8 @@ import copy
 import time
 from typing import Any, ClassVar
 
-from flexarm_ros.core.arm.plant import instability, make_plant
+from flexarm_ros.core.arm.plant import instability
+from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.runtime.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
 from flexarm_ros.nodes.runtime.own_parameters import how_to_go_on

@@ -63,8 +63,9 @@ def _check_torques(config: RunConfig) -> None:
 def _check_model(config: RunConfig) -> None:
     """Let the core judge, and bound the steps that it would take."""
     # Imported here: compiled code takes half a second to import, and errors above need none.
-    from flexarm_ros.core.arm.plant import choose_substeps, highest_frequency
+    from flexarm_ros.core.arm.plant import choose_substeps
     from flexarm_ros.core.run import checks
+    from flexarm_ros.core.run.make_plant import highest_frequency
     import numpy as np
 
     try:

@@ -84,7 +84,8 @@ def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
     Integrator steps a tick, limits of deflection, pose and rates at the start and the held point
     are filled in; what stays ``None`` has no meaning in this scenario.
     """
-    from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, highest_frequency
+    from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
+    from flexarm_ros.core.run.make_plant import highest_frequency
     from flexarm_ros.core.trajectory import initial_angles, make_path
 
     data = to_dict(config)

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.signals import coordinate_names
 from flexarm_ros.core.sensing.sensors import ticks_per_sample
+from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
 from flexarm_ros.stability.hold import (
     buffer_line,

@@ -34,10 +34,10 @@ Not in a linear analysis: torque limits, noise, counts, speed.
 
 from __future__ import annotations
 
-from flexarm_ros.core.arm.plant import make_plant
 from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.sensing.sensors import ticks_per_sample
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
 from flexarm_ros.stability.form import LinearLaw

@@ -30,7 +30,7 @@ from typing import TypeVar
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
 from flexarm_ros.core.run import parts
-from flexarm_ros.core.run.signals import BASE_FRAME, Clock, Joints, LINKS, PlanarPoint
+from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, LINKS, PlanarPoint
 from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
 
 _Values = TypeVar('_Values', tuple[float, ...], FloatArray)

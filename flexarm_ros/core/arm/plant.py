@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plant interface, its choice by ``plant.model`` and its integrator steps."""
+"""What every plant is: its interface, its integrator steps, and when it is unstable."""
 
 from __future__ import annotations
 
@@ -20,13 +20,8 @@ from collections.abc import Sequence
 import math
 from typing import Protocol
 
-from flexarm_ros.core.arm.plant_eq14 import end_deflections, Eq14Matrices, step_eq14
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
-from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
-from flexarm_ros.core.run.signals import coordinate_names
-from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.core.trajectory import initial_angles
-import numpy as np
+from flexarm_ros.core.parameters.sections import PlantParameters
 
 ACCURATE_PHASE = 0.2
 """Default phase of the highest mode in one integrator step, rad.
@@ -82,44 +77,6 @@ def deflection_limits(plant: PlantParameters) -> tuple[float, float]:
     return 10.0 * length1 / 9.0, 10.0 * length2 / 9.0  # 5 exactly for 4.5, as 10 / 9 * 4.5 is not
 
 
-class Eq14Plant:
-    """The arm of (14); see :mod:`flexarm_ros.core.arm.plant_eq14` and :class:`Plant`."""
-
-    def __init__(self, config: RunConfig) -> None:
-        matrices = Eq14Matrices(config.plant)
-        period = Timeline.of(config.run).period
-        self.names = coordinate_names(config.plant.modes)
-        self.limits = deflection_limits(config.plant)
-        self.substeps = choose_substeps(config.plant, period, matrices.highest_rate())
-        self._step = period / self.substeps
-        size = len(self.names)
-        self._state = np.zeros((2, size))
-        self.q, self.qd = self._state[0], self._state[1]
-        self._mass, self._coupling = matrices.mass, matrices.coupling
-        self._diagonals = np.ascontiguousarray(
-            np.stack([matrices.stiffness, matrices.damping, matrices.end_shape])
-        )
-        self._matrix, self._work = np.zeros((size, size)), np.zeros((5, size))
-        self._ends = (0.0, 0.0, 0.0, 0.0)
-
-    def step(self, tau1: float, tau2: float) -> None:
-        """Advance by one tick with the joint torques, N m, held."""
-        self._ends = step_eq14(
-            self._state, tau1, tau2, self._step, self.substeps, self._mass, self._diagonals,
-            self._coupling, self._matrix, self._work,
-        )  # fmt: skip
-
-    def deflections(self) -> tuple[float, float, float, float]:
-        """Return delta1, delta2 (m) and their rates (m/s)."""
-        return self._ends
-
-    def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
-        """Overwrite the state, shapes ``(2 + 2 modes,)``."""
-        self.q[:] = q
-        self.qd[:] = qd
-        self._ends = end_deflections(self._state, self._diagonals[2])
-
-
 def choose_substeps(plant: PlantParameters, period: float, highest: float) -> int:
     """
     Return the RK4 steps a tick of ``period`` s for a highest rate of ``highest`` 1/s.
@@ -136,44 +93,6 @@ def choose_substeps(plant: PlantParameters, period: float, highest: float) -> in
             f'{highest:.4g} rad/s at this control_period; allowed: {least} or more'
         )
     return plant.substeps
-
-
-def highest_frequency(config: RunConfig) -> float:
-    """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
-    if config.plant.model == 'full':
-        from flexarm_ros.core.arm import plant_full
-
-        return float(plant_full.highest_frequency(config))
-    return Eq14Matrices(config.plant).highest_rate()
-
-
-def check_substeps(config: RunConfig) -> None:
-    """Raise ``ValueError`` where ``plant.substeps`` is given but too few."""
-    if config.plant.substeps is not None:
-        choose_substeps(config.plant, Timeline.of(config.run).period, highest_frequency(config))
-
-
-def make_plant(config: RunConfig) -> Plant:
-    """
-    Return the plant of ``config`` at its initial state.
-
-    The joint angles are ``plant.initial_position``, or those of the reference
-    at the start; links are straight, without elastic rates.  Raises
-    ``ValueError``, naming the key, for too few substeps or an unreachable start.
-    """
-    plant: Plant
-    if config.plant.model == 'full':
-        from flexarm_ros.core.arm.plant_full import FullPlant
-
-        plant = FullPlant(config)
-    else:
-        plant = Eq14Plant(config)
-    q, qd = np.zeros(len(plant.names)), np.zeros(len(plant.names))
-    q[:2] = initial_angles(config)
-    if config.plant.initial_velocity is not None:
-        qd[:2] = config.plant.initial_velocity
-    plant.set_state(q, qd)
-    return plant
 
 
 def instability(plant: Plant) -> str | None:

@@ -33,12 +33,17 @@ balance the ledger are those that (14) leaves out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from flexarm_ros.core.arm.beam import ClampedFreeModes
+from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import sincos
 from flexarm_ros.core.numerics.linear import solve_symmetric
 from flexarm_ros.core.numerics.small_linalg import largest_rate
-from flexarm_ros.core.parameters.sections import PlantParameters
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
+from flexarm_ros.core.signals import coordinate_names
+from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
 
@@ -215,3 +220,41 @@ def end_deflections(state: FloatArray, shape: FloatArray) -> tuple[float, float,
         delta2 += shape[i + half] * state[0, i + half]
         rate2 += shape[i + half] * state[1, i + half]
     return delta1, delta2, rate1, rate2
+
+
+class Eq14Plant:
+    """The arm of (14); see `flexarm_ros.core.arm.plant.Plant`."""
+
+    def __init__(self, config: RunConfig) -> None:
+        matrices = Eq14Matrices(config.plant)
+        period = Timeline.of(config.run).period
+        self.names = coordinate_names(config.plant.modes)
+        self.limits = deflection_limits(config.plant)
+        self.substeps = choose_substeps(config.plant, period, matrices.highest_rate())
+        self._step = period / self.substeps
+        size = len(self.names)
+        self._state = np.zeros((2, size))
+        self.q, self.qd = self._state[0], self._state[1]
+        self._mass, self._coupling = matrices.mass, matrices.coupling
+        self._diagonals = np.ascontiguousarray(
+            np.stack([matrices.stiffness, matrices.damping, matrices.end_shape])
+        )
+        self._matrix, self._work = np.zeros((size, size)), np.zeros((5, size))
+        self._ends = (0.0, 0.0, 0.0, 0.0)
+
+    def step(self, tau1: float, tau2: float) -> None:
+        """Advance by one tick with the joint torques, N m, held."""
+        self._ends = step_eq14(
+            self._state, tau1, tau2, self._step, self.substeps, self._mass, self._diagonals,
+            self._coupling, self._matrix, self._work,
+        )  # fmt: skip
+
+    def deflections(self) -> tuple[float, float, float, float]:
+        """Return delta1, delta2 (m) and their rates (m/s)."""
+        return self._ends
+
+    def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
+        """Overwrite the state, shapes ``(2 + 2 modes,)``."""
+        self.q[:] = q
+        self.qd[:] = qd
+        self._ends = end_deflections(self._state, self._diagonals[2])

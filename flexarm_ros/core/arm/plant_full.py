@@ -31,7 +31,7 @@ from flexarm_ros.core.arm.plant_full_model import DAMPING, make_constants, STIFF
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.numerics.small_linalg import largest_rate
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
-from flexarm_ros.core.run.signals import coordinate_names
+from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 

@@ -16,11 +16,11 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.arm.plant import check_substeps
 from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.control.design.motion import horizon_ns
 from flexarm_ros.core.control.open_loop import check_torques
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.make_plant import check_substeps
 from flexarm_ros.core.sensing.sensors import check_location, ticks_per_sample
 from flexarm_ros.core.timeline import clock_ticks, named_ns, Timeline
 from flexarm_ros.core.trajectory import check_reachable, initial_angles

@@ -18,10 +18,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from flexarm_ros.core.arm.plant import instability, make_plant
+from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.parts import (
     Answers,
     COMMAND,

@@ -27,7 +27,7 @@ from operator import itemgetter
 from typing import Any, ClassVar, TYPE_CHECKING
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.signals import (
+from flexarm_ros.core.signals import (
     Clock,
     coordinate_names,
     Joints,

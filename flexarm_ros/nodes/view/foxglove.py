@@ -29,7 +29,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core.run.signals import BASE_FRAME
+from flexarm_ros.core.signals import BASE_FRAME
 from flexarm_ros.nodes.view.ros import BLUE, GREEN, GREY, ORANGE, PINK
 from flexarm_ros.nodes.view.scene import Frame, Point, Scene
 from flexarm_ros.nodes.view.urdf import transforms

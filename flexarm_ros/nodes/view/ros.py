@@ -22,7 +22,7 @@ import math
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.signals import BASE_FRAME
+from flexarm_ros.core.signals import BASE_FRAME
 from flexarm_ros.nodes.view.scene import Frame, Point, Scene
 from flexarm_ros.nodes.view.urdf import transforms, urdf
 from geometry_msgs.msg import Point as PointMessage

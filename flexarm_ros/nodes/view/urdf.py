@@ -26,7 +26,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.signals import BASE_FRAME, JOINTS
+from flexarm_ros.core.signals import BASE_FRAME, JOINTS
 
 LINK1, LINK2, TOOL = 'link1', 'link2', 'tool'
 _WIDTH = 0.08

@@ -1,0 +1,59 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The plant of a scenario: its choice by ``plant.model``, at its initial state."""
+
+from __future__ import annotations
+
+from flexarm_ros.core.arm import plant_full
+from flexarm_ros.core.arm.plant import choose_substeps, Plant
+from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices, Eq14Plant
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.trajectory import initial_angles
+import numpy as np
+
+
+def highest_frequency(config: RunConfig) -> float:
+    """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
+    if config.plant.model == 'full':
+        return float(plant_full.highest_frequency(config))
+    return Eq14Matrices(config.plant).highest_rate()
+
+
+def check_substeps(config: RunConfig) -> None:
+    """Raise ``ValueError`` where ``plant.substeps`` is given but too few."""
+    if config.plant.substeps is not None:
+        choose_substeps(config.plant, Timeline.of(config.run).period, highest_frequency(config))
+
+
+def make_plant(config: RunConfig) -> Plant:
+    """
+    Return the plant of ``config`` at its initial state.
+
+    The joint angles are ``plant.initial_position``, or those of the reference
+    at the start; links are straight, without elastic rates.  Raises
+    ``ValueError``, naming the key, for too few substeps or an unreachable start.
+    """
+    plant: Plant
+    if config.plant.model == 'full':
+        plant = plant_full.FullPlant(config)
+    else:
+        plant = Eq14Plant(config)
+    q, qd = np.zeros(len(plant.names)), np.zeros(len(plant.names))
+    q[:2] = initial_angles(config)
+    if config.plant.initial_velocity is not None:
+        qd[:2] = config.plant.initial_velocity
+    plant.set_state(q, qd)
+    return plant
