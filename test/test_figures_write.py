@@ -28,7 +28,8 @@ from flexarm_ros.analysis.figures import runs as figures
 from flexarm_ros.analysis.figures.corners import corner_figure
 from flexarm_ros.analysis.figures.fls import fls_figure, lambda_grid
 from flexarm_ros.analysis.figures.paper import paper_figures
-from flexarm_ros.analysis.figures.runs import path_figure, signal_figure, write_figures
+from flexarm_ros.analysis.figures.paths import path_figure
+from flexarm_ros.analysis.figures.runs import signal_figure, write_figures
 from flexarm_ros.analysis.figures.style import Panel, panels, styles
 from flexarm_ros.analysis.report.runs import load_run, RunError
 from matplotlib.axes import Axes

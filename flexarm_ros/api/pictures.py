@@ -16,15 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import io
 import os
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any, Protocol, TYPE_CHECKING
 
 from flexarm_ros.analysis.figures import style as figures_style
 from flexarm_ros.analysis.report import runs as read
-from flexarm_ros.api.run import Run
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.run.trajectory_rows import COLUMNS
 import numpy as np
@@ -36,7 +35,31 @@ if TYPE_CHECKING:
 KINDS = ('paths', 'corners', 'signals', 'fls')
 
 
-def plot(runs: Run | Sequence[Run], kind: str = 'paths') -> Figure:
+class RunData(Protocol):
+    """A run as far as pictures show it; `flexarm_ros.Run` is one."""
+
+    @property
+    def name(self) -> str:
+        """Of the scenario."""
+
+    @property
+    def directory(self) -> Path | None:
+        """Where its files are, if anywhere."""
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """As in ``summary.json``."""
+
+    @property
+    def scenario(self) -> Mapping[str, Mapping[str, Any]]:
+        """Every parameter, by section."""
+
+    @property
+    def trajectory(self) -> NDArray[np.void]:
+        """The rows of ``trajectory.csv``, a field a column."""
+
+
+def plot(runs: RunData | Sequence[RunData], kind: str = 'paths') -> Figure:
     """
     Draw one run, or several over one another, and return the matplotlib figure.
 
@@ -64,13 +87,14 @@ def plot(runs: Run | Sequence[Run], kind: str = 'paths') -> Figure:
 
 
 def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
-    from flexarm_ros.analysis.figures import runs as figures
     from flexarm_ros.analysis.figures.corners import corner_figure
+    from flexarm_ros.analysis.figures.paths import path_figure
+    from flexarm_ros.analysis.figures.runs import signal_figure
 
     if kind == 'paths':
-        return figures.path_figure(groups)
+        return path_figure(groups)
     if kind == 'signals':
-        return figures.signal_figure(groups[0])
+        return signal_figure(groups[0])
     if kind == 'corners':
         if not any(figures_style.group_switches(group) for group in groups):
             raise ValueError("kind: 'corners', but the reference never switches its direction")
@@ -83,7 +107,7 @@ def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
     return fls_figure(fuzzy)
 
 
-def report(runs: Run | Sequence[Run], path: str | os.PathLike[str]) -> Path:
+def report(runs: RunData | Sequence[RunData], path: str | os.PathLike[str]) -> Path:
     """
     Write the self-contained HTML page of some runs to ``path`` and return it.
 
@@ -105,9 +129,9 @@ def report(runs: Run | Sequence[Run], path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _as_read(runs: Run | Sequence[Run]) -> list[read.Run]:
+def _as_read(runs: RunData | Sequence[RunData]) -> list[read.Run]:
     """Return runs as the pictures take them."""
-    some = [runs] if isinstance(runs, Run) else list(runs)
+    some = list(runs) if isinstance(runs, Sequence) else [runs]
     if not some:
         raise ValueError('runs: none given')
     return [

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 from flexarm_ros.analysis.figures.corners import corner_figure
 from flexarm_ros.analysis.figures.fls import gain_kn, sets_figure
+from flexarm_ros.analysis.figures.paths import path_figure
 from flexarm_ros.analysis.figures.style import group_switches, Panel
 
 if TYPE_CHECKING:
@@ -42,8 +43,6 @@ LEAST_CASES = 2
 
 def paper_figures(groups: Sequence[Panel]) -> Iterator[tuple[str, Figure]]:
     """Yield the stem and the picture of each figure of the paper that the groups can show."""
-    from flexarm_ros.analysis.figures.runs import path_figure
-
     fuzzy = [run for group in groups for run in group.runs if run.law == 'fls']
     if fuzzy:
         kn = gain_kn(fuzzy)
