@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 import subprocess
 import sys
@@ -211,3 +212,25 @@ def test_roles_are_listed_in_one_place() -> None:
                 if sum(word in roles for word in words) >= 3:
                     found.append(f'{path.name}:{node.lineno}: {words}')
     assert not found, '\n'.join(found)
+
+
+def imported(path: Path) -> set[str]:
+    """Return the modules of the package that a module imports, wherever in it, for types too."""
+    names = {dotted(p) for p in modules()}
+    tree = ast.parse(path.read_text('utf-8'))
+    found = set()
+    for name in imports(tree, dotted(path), path.name == '__init__.py'):
+        while name and name not in names:
+            name = name.rpartition('.')[0]
+        found.add(name)
+    # The bare package is where things are, and what version it is.
+    return found - {PACKAGE, '', dotted(path)}
+
+
+def test_no_module_imports_one_that_imports_it() -> None:
+    """Neither at once nor by way of others: each can be understood without what uses it."""
+    graph = {dotted(path): imported(path) for path in modules()}
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(' imports '.join(reversed(error.args[1])))

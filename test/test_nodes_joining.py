@@ -30,7 +30,7 @@ from flexarm_ros import scenario
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.runtime import status
 from flexarm_ros.nodes.runtime.config_exchange import dump_sections
-from flexarm_ros.nodes.runtime.lockstep import RunFailed
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.status import Phase
 from flexarm_ros.nodes.runtime.supervisor import Supervisor
 from nodetools import ROLES, wait_for, write_scenario

@@ -23,8 +23,8 @@ import subprocess
 import sys
 
 from flexarm_ros.nodes.runtime.compatibility import connects, shown
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import qos_profile
-from flexarm_ros.nodes.runtime.lockstep import RunFailed
 from flexarm_ros.nodes.runtime.status import HEARD, Phase
 from nodetools import finish, flexarm, ROLES, ROOT, start_node, wait_for, write_scenario
 import pytest

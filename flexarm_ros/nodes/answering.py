@@ -22,7 +22,8 @@ from typing import Any
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import answer_of, STATE
 from flexarm_ros.core.run.state import MessageState
-from flexarm_ros.nodes.runtime.lockstep import Input, RunFailed
+from flexarm_ros.nodes.runtime.channels import Input
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.wire.topics import per_tick_topics
 

@@ -24,6 +24,7 @@ from typing import Any, ClassVar
 from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.nodes.run_control.services import RunControl
+from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
 from flexarm_ros.nodes.runtime.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
 from flexarm_ros.nodes.runtime.own_parameters import how_to_go_on
 from flexarm_ros.nodes.runtime.participant import Participant
@@ -51,7 +52,7 @@ class PlantNode(Participant):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._recorded = ProgressInput(
-            self, RECORDED_TOPIC, 'recorder', most=lambda: self.tick + 1
+            self, self.membership, RECORDED_TOPIC, 'recorder', most=lambda: self.tick + 1
         )
         self._reached = ProgressOutput(self, TICK_TOPIC)
         self.side_inputs.append(self._recorded)
@@ -61,6 +62,7 @@ class PlantNode(Participant):
         self._sent = False
         self._free = self.again = self.config.run.sync == 'free'
         self.control = RunControl(self)
+        self.standard = offer_standard_services(self, self.control)
         if self._free and self.control.rtf == 0.0:
             self.control.rtf = 1.0
 
@@ -185,7 +187,7 @@ class PlantNode(Participant):
         """Do what the services have asked for since the last look."""
         if not self.finished and self.under_way:
             if self.control.reset_wanted:
-                self.epochs.begin(self.epochs.number + 1)
+                self.begin_epoch()
                 self.control.reset_wanted = False
             elif self.control.paused != (self.board.mine.phase is Phase.PAUSED):
                 self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)

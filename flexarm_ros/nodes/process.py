@@ -30,13 +30,14 @@ from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.classes import module_of, OWN
+from flexarm_ros.nodes.runtime.channels import connect
 from flexarm_ros.nodes.runtime.environment import (
     enforce_security,
     environment_domain,
     environment_notes,
     EnvironmentRefused,
 )
-from flexarm_ros.nodes.runtime.lockstep import connect, spin
+from flexarm_ros.nodes.runtime.lockstep import spin
 from flexarm_ros.nodes.runtime.middleware import start
 from flexarm_ros.nodes.runtime.participant import describe, Participant
 from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
@@ -108,7 +109,7 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     if names == ['recorder']:
         os.nice(_RECORDER_NICE)
     nodes = [_make(name, argv, supervisor) for name in names]
-    connect(nodes)
+    connect((node.inputs.values(), node.outputs.values()) for node in nodes)
     signals = _Signals(nodes)
     executor = SingleThreadedExecutor()
     for node in nodes:

@@ -29,9 +29,9 @@ from flexarm_ros.bag.recording import (
     prepare_directory,
     Recording,
 )
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import RECORDED_TOPIC
 from flexarm_ros.nodes.runtime.live import ChangesInput
-from flexarm_ros.nodes.runtime.lockstep import RunFailed
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressOutput
 
@@ -54,7 +54,7 @@ class RecorderNode(Participant):
         super().__init__(*args, **options)
         self._progress = ProgressOutput(self, RECORDED_TOPIC)
         self.side_outputs.append(self._progress)
-        self._changes = ChangesInput(self)
+        self._changes = ChangesInput(self, self.membership)
         self.side_inputs.append(self._changes)
         self._name = str(self.get_parameter('name').value or '')
         self._recording: Recording | None = None

@@ -59,7 +59,9 @@ class TrajectoryNode(Participant):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._reached = ProgressInput(self, TICK_TOPIC, 'plant', most=lambda: self.timeline.ticks)
+        self._reached = ProgressInput(
+            self, self.membership, TICK_TOPIC, 'plant', most=lambda: self.timeline.ticks
+        )
         self.side_inputs.append(self._reached)
 
     def build(self) -> None:

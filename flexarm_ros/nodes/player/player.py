@@ -37,11 +37,11 @@ from flexarm_ros.nodes.player.options import declare, number, PlayerError, Playe
 from flexarm_ros.nodes.player.pace import Pace
 from flexarm_ros.nodes.player.replay_peer import ControllerSeat
 from flexarm_ros.nodes.runtime.endpoints import NO_OVERRIDES
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
-from flexarm_ros.nodes.runtime.lockstep import RunFailed
 from flexarm_ros.nodes.runtime.middleware import start
 from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
-from flexarm_ros.wire.topics import CLOCK, COMMAND, Topic
+from flexarm_ros.wire.topics import CLOCK, COMMAND
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.duration import Duration
@@ -96,18 +96,15 @@ class PlayerNode(Node):
                 raise BagError(
                     f'{self.reader.path}: a controller needs every tick: {self.reader.gaps[0]}'
                 )
+            topics = self.reader.topics
             self._seat = ControllerSeat(
-                self, self.reader.config, self.options.tick_timeout, self.stopped
-            )
+                self, [(topics[i], publisher) for i, publisher in self._outlets.items()],
+                self.reader.config, self.timeline, self.options.tick_timeout, self.stopped,
+            )  # fmt: skip
 
     def stopped(self) -> bool:
         """Whether the replay is to end."""
         return bool(self.stop_signal) or not self.context.ok()
-
-    def outlets(self) -> Iterator[tuple[Topic, Any]]:
-        """Yield each topic that is played, and its publisher."""
-        for index, publisher in self._outlets.items():
-            yield self.reader.topics[index], publisher
 
     def _first_tick(self) -> int:
         """Return the first tick to play: the first that is not before ``start``."""

@@ -16,24 +16,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import time
-from typing import TYPE_CHECKING
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.compatibility import publisher_fault, subscriber_faults
 from flexarm_ros.nodes.runtime.config_exchange import dump_sections
 from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
 from flexarm_ros.nodes.runtime.identity import UNKNOWN_NODE
-from flexarm_ros.nodes.runtime.lockstep import RunFailed
 from flexarm_ros.nodes.runtime.middleware import source_of
 from flexarm_ros.nodes.runtime.status import Board, Phase
-from flexarm_ros.wire.topics import COMMAND, per_tick_topics
-
-if TYPE_CHECKING:
-    from flexarm_ros.nodes.player.player import PlayerNode
+from flexarm_ros.wire.topics import COMMAND, per_tick_topics, Topic
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 _FOREIGN_GRACE_S = 1.0
 
@@ -48,17 +47,19 @@ class ControllerSeat:
     """
 
     def __init__(
-        self, player: PlayerNode, config: RunConfig, limit_s: float, stopped: Callable[[], bool]
-    ) -> None:
-        self._player, self._limit, self._stopped = player, limit_s, stopped
+        self, node: Node, outlets: Sequence[tuple[Topic, Publisher]], config: RunConfig,
+        timeline: Timeline, limit_s: float, stopped: Callable[[], bool],
+    ) -> None:  # fmt: skip
+        self._node, self._outlets, self._timeline = node, outlets, timeline
+        self._limit, self._stopped = limit_s, stopped
         self._topic = per_tick_topics(config)[COMMAND]
         self._kind = message_class(self._topic.type_name)
-        self._subscription = player.create_subscription(
+        self._subscription = node.create_subscription(
             self._kind, self._topic.name, lambda _: None, qos_profile(self._topic.qos),
             callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
-        self._waiter = Waiter(player.context)
-        self._boards = {role: Board(player, role) for role in ROLES if role not in ('controller',)}
+        self._waiter = Waiter(node.context)
+        self._boards = {role: Board(node, role) for role in ROLES if role != 'controller'}
         for role, board in self._boards.items():
             board.publish(parameters=dump_sections(config, role), phase=Phase.READY)
         self._largest = 0.0
@@ -89,17 +90,15 @@ class ControllerSeat:
 
     def _fault(self) -> str:
         """Return why the controller and the player can never be connected, empty if they can."""
-        player, topic = self._player, self._topic
-        fault = publisher_fault(
-            player, topic.name, topic.type_name, self._subscription.qos_profile
-        )
-        name = player.resolve_topic_name(topic.name)
-        senders = {source_of(e) for e in player.get_publishers_info_by_topic(name)}
+        node, topic = self._node, self._topic
+        fault = publisher_fault(node, topic.name, topic.type_name, self._subscription.qos_profile)
+        name = node.resolve_topic_name(topic.name)
+        senders = {source_of(e) for e in node.get_publishers_info_by_topic(name)}
         deaf = (
             found
-            for topic, publisher in player.outlets()
+            for topic, publisher in self._outlets
             for e, found in subscriber_faults(
-                player, topic.name, topic.type_name, publisher.qos_profile
+                node, topic.name, topic.type_name, publisher.qos_profile
             )
             if source_of(e) in senders
         )
@@ -107,7 +106,7 @@ class ControllerSeat:
 
     def answer(self, tick: int, recorded: bytes | None) -> None:
         """Wait for the torque of ``tick`` and compare it with the recorded one."""
-        stamp, other = self._player.timeline.stamp_ns(tick), ''
+        stamp, other = self._timeline.stamp_ns(tick), ''
         deadline = time.monotonic() + self._limit
         while (left := deadline - time.monotonic()) > 0.0 and not self._stopped():
             taken = self._subscription.handle.take_message(self._kind, True)

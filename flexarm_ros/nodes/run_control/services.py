@@ -31,16 +31,13 @@ from __future__ import annotations
 from collections.abc import Callable
 import threading
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
-from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
+from flexarm_ros.nodes.runtime.member import Member
 from flexarm_ros.nodes.runtime.own_parameters import FASTEST
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
-
-if TYPE_CHECKING:
-    from flexarm_ros.nodes.plant import PlantNode
 
 WAIT_S = 60.0
 """Wall time that a service may take at the longest."""
@@ -49,7 +46,7 @@ WAIT_S = 60.0
 class RunControl:
     """What the services ask of the plant; `may_begin` is asked before each tick."""
 
-    def __init__(self, plant: PlantNode) -> None:
+    def __init__(self, plant: Member) -> None:
         self._plant = plant
         self._lock = threading.Lock()
         self.paused = bool(plant.get_parameter('start_paused').value)
@@ -67,7 +64,6 @@ class RunControl:
         plant.create_service(Trigger, '~/reset', self._reset)
         plant.create_service(Trigger, '~/state', self._state)
         plant.add_on_set_parameters_callback(self._changed)
-        self.standard = offer_standard_services(plant, self)
 
     # --- asked by the lock-step loop ---------------------------------------------------
 

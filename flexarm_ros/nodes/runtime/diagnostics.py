@@ -24,17 +24,15 @@ those that are missing too.
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.runtime.member import Member
+from flexarm_ros.nodes.runtime.membership import Membership
 from flexarm_ros.nodes.runtime.status import Phase
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-
-if TYPE_CHECKING:
-    from flexarm_ros.nodes.runtime.participant import Participant
 
 TOPIC = '/diagnostics'
 """Absolute, as everywhere in ROS 2: the status' name says whose it is."""
@@ -46,12 +44,12 @@ _BAD = (Phase.FAILED, Phase.REFUSED)
 class Diagnostics:
     """One participant's reports."""
 
-    def __init__(self, participant: Participant) -> None:
-        self._me = participant
-        self._publisher = participant.create_publisher(DiagnosticArray, TOPIC, 10)
+    def __init__(self, me: Member, membership: Membership) -> None:
+        self._me, self._membership = me, membership
+        self._publisher = me.create_publisher(DiagnosticArray, TOPIC, 10)
         self._last = (time.monotonic(), 0)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = participant.create_timer(PERIOD_S, self.tell, clock=steady)
+        self._timer = me.create_timer(PERIOD_S, self.tell, clock=steady)
 
     def tell(self) -> None:
         """Publish one report."""
@@ -101,7 +99,7 @@ class Diagnostics:
 
     def _participants(self) -> dict[str, str]:
         """Return the state of every other participant."""
-        membership = self._me.membership
+        membership = self._membership
         found = {}
         for role in membership.required():
             status = membership.status_of(role)

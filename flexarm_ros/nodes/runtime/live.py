@@ -26,22 +26,20 @@ from __future__ import annotations
 
 from collections import deque
 import time
-from typing import TYPE_CHECKING
 
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, RunConfig, SECTIONS, specs
 from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import qos_profile
-from flexarm_ros.nodes.runtime.lockstep import RunFailed
+from flexarm_ros.nodes.runtime.member import Member
+from flexarm_ros.nodes.runtime.membership import Membership
 from flexarm_ros.wire import parameter_event as changes
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-
-if TYPE_CHECKING:
-    from flexarm_ros.nodes.runtime.participant import Participant
 
 _TOLD_S = 2.0
 
@@ -49,22 +47,22 @@ _TOLD_S = 2.0
 class LiveParameters:
     """The live parameters of one participant; ``waiting`` has those to be set at its next tick."""
 
-    def __init__(self, participant: Participant) -> None:
-        self._me = participant
-        section = SECTIONS.get(participant.ROLE)
+    def __init__(self, me: Member, membership: Membership) -> None:
+        self._me, self._membership = me, membership
+        section = SECTIONS.get(me.ROLE)
         known = specs(section) if section else {}
         self._keys = {key: name for key, (name, spec, _) in known.items() if spec.live}
         self.waiting: deque[tuple[str, float]] = deque()
         self._restoring = False
-        self.config: RunConfig = participant.config
+        self.config: RunConfig = me.config
         if not self._keys:
             return
-        self._publisher = participant.create_publisher(
+        self._publisher = me.create_publisher(
             ParameterEvent, changes.TOPIC, qos_profile(changes.QOS),
             qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
-        participant.add_on_set_parameters_callback(self._asked)
-        participant.add_post_set_parameters_callback(self._accepted)
+        me.add_on_set_parameters_callback(self._asked)
+        me.add_post_set_parameters_callback(self._accepted)
 
     # --- on the thread that serves parameters ------------------------------------------
 
@@ -108,7 +106,7 @@ class LiveParameters:
     def _wait_for_the_recorder(self) -> None:
         """Wait until it is connected: it would miss the change.  RunFailed where it is not."""
         deadline = time.monotonic() + _TOLD_S
-        while not self._me.membership.heard(changes.TOPIC, self._publisher):
+        while not self._membership.heard(changes.TOPIC, self._publisher):
             if time.monotonic() > deadline:
                 raise RunFailed(
                     'recorder', f'tick {self._me.tick}: not connected to {changes.TOPIC} within '
@@ -146,9 +144,9 @@ class LiveParameters:
 class ChangesInput:
     """What the recorder is told of parameters that change."""
 
-    def __init__(self, participant: Participant) -> None:
-        self._me = participant
-        self._subscription = participant.create_subscription(
+    def __init__(self, me: Member, membership: Membership) -> None:
+        self._me, self._membership = me, membership
+        self._subscription = me.create_subscription(
             ParameterEvent, changes.TOPIC, lambda _: None, qos_profile(changes.QOS),
             callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
@@ -163,7 +161,7 @@ class ChangesInput:
             except ValueError as error:
                 self._me.invalid_message(changes.TOPIC, str(error))
                 continue
-            ours = self._me.membership.sent_by(change.node, changes.TOPIC, taken[1])
+            ours = self._membership.sent_by(change.node, changes.TOPIC, taken[1])
             if ours:
                 found.append(change)
             elif ours is None:

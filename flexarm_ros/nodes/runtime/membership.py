@@ -19,7 +19,7 @@ from __future__ import annotations
 from itertools import chain
 import math
 import time
-from typing import Any, NoReturn, TYPE_CHECKING
+from typing import Any, NoReturn
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import readers, ROLES
@@ -30,17 +30,23 @@ from flexarm_ros.nodes.runtime.compatibility import (
     subscriber_faults,
 )
 from flexarm_ros.nodes.runtime.config_exchange import Disagreement, dump_sections, merge_sections
+from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.graph import OUTPUT, read_by
 from flexarm_ros.nodes.runtime.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
-from flexarm_ros.nodes.runtime.lockstep import NeverMet, RunFailed
+from flexarm_ros.nodes.runtime.member import Member
 from flexarm_ros.nodes.runtime.middleware import gid_prefix, name, source_of
-from flexarm_ros.nodes.runtime.reset import epoch_of, plant_of
-from flexarm_ros.nodes.runtime.status import Board, heard_by, Phase, Status, TOPIC, TYPE
+from flexarm_ros.nodes.runtime.status import (
+    Board,
+    epoch_of,
+    heard_by,
+    Phase,
+    plant_of,
+    Status,
+    TOPIC,
+    TYPE,
+)
 from flexarm_ros.nodes.runtime.supervisor import interrupted
 from rclpy.publisher import Publisher
-
-if TYPE_CHECKING:
-    from flexarm_ros.nodes.runtime.participant import Participant
 
 _FOREIGN_AFTER_S = 2.0
 """Seconds after which a publisher without a status counts as an external node."""
@@ -68,10 +74,10 @@ _BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 class Membership:
     """What one participant knows of its run's members."""
 
-    def __init__(self, participant: Participant, board: Board) -> None:
-        self._me = participant
+    def __init__(self, me: Member, board: Board) -> None:
+        self._me = me
         self._board = board
-        self.config: RunConfig = participant.config
+        self.config: RunConfig = me.config
         self.built = False
         self.refused = False
         self._since: float | None = None
@@ -409,7 +415,10 @@ class Membership:
         if not mine or entry.subscription.handle.get_publisher_count() < 1:
             return False
         assert self._board.sender_info is not None
-        entry.bind(mine[0], self._board.sender_info, entry.source in self.foreign)
+        # One that holds its samples says the same again.
+        held = entry.source == 'tip_sensor' and self._me.config.tip_sensor.rate > 0.0
+        rising = entry.source in self.foreign and not held
+        entry.bind(mine[0], self._board.sender_info, rising)
         return True
 
     def heard(self, topic: str, publisher: Publisher) -> bool:

@@ -18,14 +18,15 @@ from __future__ import annotations
 
 import time
 import traceback
-from typing import Any, ClassVar
+from typing import Any
 
-from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.runtime.channels import Input, Output
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
+from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.graph import reads
 from flexarm_ros.nodes.runtime.live import ChangesInput, LiveParameters
-from flexarm_ros.nodes.runtime.lockstep import HOUSEKEEPING_S, Input, NeverMet, Output, RunFailed
+from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, Member
 from flexarm_ros.nodes.runtime.membership import Membership
 from flexarm_ros.nodes.runtime.own_parameters import OWN
 from flexarm_ros.nodes.runtime.parameters import declare_and_load, declare_own
@@ -35,7 +36,6 @@ from flexarm_ros.nodes.runtime.status import Board, Phase
 from flexarm_ros.nodes.runtime.supervisor import INTERRUPTED, LAUNCHER_GONE, Supervisor
 from flexarm_ros.wire.topics import per_tick_topics
 from rclpy.duration import Duration
-from rclpy.node import Node
 
 _JOIN_INTERVAL_S = 0.02
 _STALL_S = 0.5
@@ -54,7 +54,7 @@ def describe(error: BaseException) -> str:
     return ' '.join(f'{type(error).__name__}: {error}'.split())[:300]
 
 
-class Participant(Node):
+class Participant(Member):
     """
     A node that takes part in a lock-step run under a role.
 
@@ -64,7 +64,6 @@ class Participant(Node):
     `flexarm_ros.wire.topics`.
     """
 
-    ROLE: ClassVar[str]
     again = False
     """Whether `advance` may have more to do at once; else a wake-up takes one call."""
 
@@ -90,20 +89,18 @@ class Participant(Node):
         self.side_outputs: list[ProgressOutput] = []
         self._make_endpoints()
         self.membership = Membership(self, self.board)
-        self.epochs = Epochs(self)
-        self.live = LiveParameters(self)
+        self.epochs = Epochs(self.membership)
+        self.live = LiveParameters(self, self.membership)
         self.tick = 0
         self.last_tick: int | None = None
         self._moved = self._ready_at = self._looked = time.monotonic()
         self.missing = ''
-        """What a tick that takes long is waiting for, for people; set by the lock-step loop."""
         self.longest_wait_s = 0.0
-        """Longest wall time without progress since somebody set this to zero."""
         self._closed = False
         self.crashed = ''
         """An exception in a service's callback, from the thread that serves them."""
         self.board.publish(parameters=self.membership.own_parameters())
-        self.diagnostics = Diagnostics(self)
+        self.diagnostics = Diagnostics(self, self.membership)
 
     def _make_endpoints(self) -> None:
         """Make those that the scenario asks for and that are not there yet."""
@@ -111,7 +108,7 @@ class Participant(Node):
             if topic.node == self.ROLE and topic.name not in self.outputs:
                 self.outputs[topic.name] = Output(self, topic)
             elif reads(self.ROLE, topic) and topic.name not in self.inputs:
-                self.inputs[topic.name] = Input(self, topic)
+                self.inputs[topic.name] = Input(self, topic, self.invalid_message)
 
     # --- what a subclass provides -------------------------------------------------
 
@@ -125,12 +122,6 @@ class Participant(Node):
     def advance(self) -> bool:
         """Do the work of ``self.tick`` as far as the inputs allow; True where any was done."""
         raise NotImplementedError
-
-    def check_live(self, config: RunConfig) -> None:
-        """Raise ValueError where this node's part cannot take a live parameter of ``config``."""
-
-    def retune(self, config: RunConfig) -> None:
-        """Let this node's part of the core take the live parameters of ``config``."""
 
     def waiting_for(self) -> tuple[str, str]:
         """Return the role that has not answered ``self.tick`` and what it owes."""
@@ -161,11 +152,6 @@ class Participant(Node):
         return True
 
     # --- driven by lockstep.spin ---------------------------------------------------
-
-    @property
-    def under_way(self) -> bool:
-        """Whether this node takes part in a run that has begun and goes on."""
-        return self.board.going
 
     def drive(self) -> bool:
         """Advance as far as the inputs allow; True where anything was done."""
@@ -269,10 +255,24 @@ class Participant(Node):
             self.look_interval = _JOIN_INTERVAL_S
             self.check_start(now)
 
+    def begin_epoch(self) -> None:
+        """Leave the old epoch: deliver, rebuild, say so."""
+        self.epochs.number += 1
+        self.flush()
+        self.tick, self.last_tick = 0, None
+        for entry in self.inputs.values():
+            entry.reset()
+        self.live.restore()
+        self.build()
+        self.still_waiting()
+        self.change_phase(Phase.RESETTING, extra=self.epochs.extra())
+
     def _reset(self, now: float) -> None:
         """Be ready for the new epoch as soon as everybody has left the old one."""
         self.membership.watch(now)
-        if self.epochs.settled():
+        if self.epochs.left_by_all():
+            for entry in [*self.inputs.values(), *self.side_inputs]:
+                entry.drain()  # the old epoch's last messages
             self.change_phase(Phase.READY, extra=self.epochs.extra())
             self._moved = self._ready_at = now
             self.check_start(now)
@@ -294,7 +294,7 @@ class Participant(Node):
     def _check_running(self, now: float) -> None:
         self.look_interval = HOUSEKEEPING_S
         if self.epochs.announced():
-            self.epochs.begin(self.epochs.number + 1)
+            self.begin_epoch()
             self.look_interval = _JOIN_INTERVAL_S
             return
         plant = self.membership.status_of('plant')

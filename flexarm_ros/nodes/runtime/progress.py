@@ -23,14 +23,12 @@ is in the bag.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.membership import Membership
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import UInt64
-
-if TYPE_CHECKING:
-    from flexarm_ros.nodes.runtime.participant import Participant
 
 _QOS = QoSProfile(depth=1)
 
@@ -38,8 +36,8 @@ _QOS = QoSProfile(depth=1)
 class ProgressOutput:
     """Tells the readers of ``topic`` a number of ticks."""
 
-    def __init__(self, participant: Participant, topic: str) -> None:
-        self.publisher = participant.create_publisher(
+    def __init__(self, node: Node, topic: str) -> None:
+        self.publisher = node.create_publisher(
             UInt64, topic, _QOS, qos_overriding_options=NO_OVERRIDES
         )
 
@@ -57,11 +55,11 @@ class ProgressInput:
     """
 
     def __init__(
-        self, participant: Participant, topic: str, role: str, most: Callable[[], int]
+        self, node: Node, membership: Membership, topic: str, role: str, most: Callable[[], int]
     ) -> None:
-        self._participant = participant
+        self._membership = membership
         self._role, self._topic, self._most = role, topic, most
-        self._subscription = participant.create_subscription(
+        self._subscription = node.create_subscription(
             UInt64, topic, lambda _: None, _QOS, callback_group=HOT,
             qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
@@ -73,7 +71,7 @@ class ProgressInput:
         taken = self.handle.take_message(UInt64, False)
         if taken is None:
             return False
-        ours = self._participant.membership.sent_by(self._role, self._topic, taken[1])
+        ours = self._membership.sent_by(self._role, self._topic, taken[1])
         if ours is not False and taken[0].data <= self._most():
             self.ticks = max(self.ticks, taken[0].data)
         return True

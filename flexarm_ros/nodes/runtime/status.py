@@ -60,7 +60,7 @@ _MOST_MESSAGES = 200
 
 _REMIND_S = 1.0
 
-EPOCH, PACE, HEARD = 'epoch', 'pace_s', 'heard'
+EPOCH, PLANT, PACE, HEARD = 'epoch', 'plant', 'pace_s', 'heard'
 """
 Keys of further values: the run's number in this graph, the plant's wall time a tick, and the
 identities of the participants that a failed one had heard of.
@@ -170,6 +170,16 @@ def printable(text: str, longest: int = 500) -> str:
 def heard_by(status: Status) -> list[str]:
     """Return the identities of the participants that a failed one had heard of."""
     return status.extra.get(HEARD, '').split(',')
+
+
+def epoch_of(status: Status | None) -> int:
+    """Return the epoch that a participant is in."""
+    return int(status.extra.get(EPOCH, '0')) if status is not None else 0
+
+
+def plant_of(status: Status) -> str:
+    """Return the identity of the plant that a participant flies with; empty while it joins."""
+    return status.extra.get(PLANT, '')
 
 
 class Board:

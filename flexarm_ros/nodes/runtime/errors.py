@@ -1,0 +1,35 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Why a run cannot go on."""
+
+from __future__ import annotations
+
+
+class RunFailed(Exception):
+    """
+    The run cannot go on; ``blame`` is the role held responsible.
+
+    ``told_by`` is the role that found it out, where it was not this node.
+    """
+
+    def __init__(self, blame: str, reason: str, told_by: str = '') -> None:
+        super().__init__(reason)
+        self.blame = blame
+        self.reason = reason
+        self.told_by = told_by
+
+
+class NeverMet(RunFailed):
+    """The run did not begin, for the middleware did not bring its nodes together."""
