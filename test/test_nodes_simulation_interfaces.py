@@ -25,6 +25,7 @@ from typing import Any
 import pytest
 
 run_control = pytest.importorskip('flexarm_ros.nodes.run_control.services', reason='needs rclpy')
+simulation_services = pytest.importorskip('flexarm_ros.nodes.run_control.simulation_services')
 GoalResponse = pytest.importorskip('rclpy.action').GoalResponse
 status = pytest.importorskip('flexarm_ros.nodes.runtime.status')
 
@@ -147,7 +148,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Plant, Any]]:
 
     monkeypatch.setattr('flexarm_ros.nodes.run_control.simulation_action.ActionServer', server)
     control = run_control.RunControl(plant)  # type: ignore[arg-type]
-    assert control.standard
+    assert simulation_services.offer_standard_services(plant, control)  # type: ignore[arg-type]
     thread = threading.Thread(target=plant.loop, args=(control, stop))
 
     def call(name: str, **request: Any) -> Any:
