@@ -416,7 +416,7 @@ LAW = ('law: "fls"', 'law: "evil_law:Law"\n    evil: {gain: 3.0}')
 SECTION = ('plant:\n', 'imu:\n  ros__parameters:\n    rate: 100.0\nplant:\n')
 KEY = ('    location: 9.0\n', '    location: 9.0\n    jitter: 0.001\n')
 CHOICE = ('kind: "square"', 'kind: "spline"')
-RUN_KEY = ('    seed: 0\n', '    seed: 0\n    clock_rate: 100\n')
+RUN_KEY = ('    seed: 0\n', '    seed: 0\n    burst_limit: 100\n')
 
 
 @pytest.mark.parametrize(
@@ -426,7 +426,7 @@ RUN_KEY = ('    seed: 0\n', '    seed: 0\n    clock_rate: 100\n')
         (SECTION, 'imu', 'unknown section', ''),
         (KEY, 'tip_sensor', 'unknown key jitter', 'tip_sensor'),
         (CHOICE, 'trajectory', 'kind: spline is not known', 'trajectory'),
-        (RUN_KEY, '/**', 'unknown key clock_rate', ''),
+        (RUN_KEY, '/**', 'unknown key burst_limit', ''),
     ],
 )
 def test_what_is_not_known_is_taken_as_recorded_and_the_rest_verified(

@@ -65,7 +65,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Copy:
 
 def test_a_changed_callee_gives_the_new_number(copy: Copy) -> None:
     """Numba alone looks at the caller's file only: that one is not touched."""
-    callee = copy.package / 'core' / 'elementary.py'
+    callee = copy.package / 'core' / 'numerics' / 'elementary.py'
     before = callee.read_text('utf-8')
     callee.write_text(before.replace('return x, 1.0', 'return x, 3.0'), 'utf-8')
     assert copy.answer() == '(6.0, 0.0, -0.0, 0.0)'

@@ -30,6 +30,7 @@ from flexarm_ros.core.parameters.sections import (
     TrajectoryParameters,
 )
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.state import State
 from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
 from flexarm_ros.stability.hold import hold_matrices
 from flexarm_ros.stability.law import linear_law
@@ -119,8 +120,8 @@ def one_tick(loop: ClosedLoop, states: np.ndarray) -> np.ndarray:
     loop._torque = None
     n = len(loop.plant.q)
     for k, state in enumerate(states[:-1]):
-        loop.encoder.measure(k, state[:n], state[n:])
-        loop.tip_sensor.measure(k, state[:n], state[n:])
+        for role in ('encoder', 'tip_sensor'):
+            loop.answers.parts[role].answer(k, State(state[:n], state[n:], (0.0,) * 4))
     loop.k = len(states) - 1
     loop.plant.set_state(states[-1, :n], states[-1, n:])
     assert loop.tick() is not None

@@ -182,7 +182,8 @@ def accumulate(sums: FloatArray, block: FloatArray, lengths: tuple[float, float]
         ref_x, ref_y = block[i, _REFERENCE], block[i, _REFERENCE + 1]
         dx, dy = block[i, _RIGID] - ref_x, block[i, _RIGID + 1] - ref_y
         rigid = dx * dx + dy * dy
-        noise = _round_off(lengths, math.sqrt(ref_x * ref_x + ref_y * ref_y)) ** 2
+        noise = _round_off(lengths, math.sqrt(ref_x * ref_x + ref_y * ref_y))
+        noise *= noise
         rigid = 0.0 if rigid <= noise else rigid
         dx, dy = block[i, _TIP] - ref_x, block[i, _TIP + 1] - ref_y
         tip = dx * dx + dy * dy
