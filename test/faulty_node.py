@@ -24,7 +24,6 @@ and then).
 
 from __future__ import annotations
 
-from importlib import import_module
 import sys
 import time
 from typing import Any
@@ -66,7 +65,7 @@ def strike(node: Any, fault: str) -> None:
     if fault == 'exit':
         raise SystemExit(0)
     if fault == 'nan':
-        node._law.torque = lambda *_: (float('nan'), 0.0)
+        node._part.answer = lambda *_: (float('nan'), 0.0)
     else:
         node.crashed = 'ZeroDivisionError: a fault on purpose'
 
@@ -82,9 +81,8 @@ def main() -> int:
     if fault == 'linger':
         Node.destroy_node = lambda _: time.sleep(60.0)  # type: ignore[method-assign]
         return process.run_process(role, sys.argv[4:])
-    name = process.CLASSES[role]
-    module = import_module(f'flexarm_ros.nodes.{role}')
-    setattr(module, name, faulty(getattr(module, name), role, fault, tick))
+    sound = process.node_class
+    process.node_class = lambda name: faulty(sound(name), role, fault, tick)
     return process.run_process(role, sys.argv[4:])
 
 

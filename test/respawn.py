@@ -27,12 +27,13 @@ import os
 import sys
 
 from flexarm_ros.nodes import process
+from flexarm_ros.nodes.classes import MODULES
 
 
 def main() -> int:
     """Become the node that is told on the standard input."""
-    for role in process.CLASSES:
-        import_module(f'flexarm_ros.nodes.{role}')
+    for name in MODULES:
+        import_module(name)
     print('loaded', flush=True)
     told = json.loads(sys.stdin.readline())
     os.environ.update(told['environment'])

@@ -90,11 +90,10 @@ def test_parameters_are_described(role: str, tmp_path: Path, ros_domain: int) ->
 
     code = f"""
 import json, rclpy, sys
-from importlib import import_module
-from flexarm_ros.nodes.process import CLASSES
+from flexarm_ros.nodes.process import node_class
 from flexarm_ros.nodes.runtime.supervisor import Supervisor
 rclpy.init(args=["{role}"])
-node = getattr(import_module("flexarm_ros.nodes.{role}"), CLASSES["{role}"])([], Supervisor())
+node = node_class("{role}")([], Supervisor())
 node.get_parameters(list(node._parameters))  # those without a value too, as for a dump
 print(json.dumps({{n: [d.description, d.read_only, d.type] for n in node._parameters
     for d in [node.describe_parameter(n)]}}))

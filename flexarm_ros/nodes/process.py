@@ -108,7 +108,7 @@ def _composed(argv: list[str]) -> list[str]:
 def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     if names == ['recorder']:
         os.nice(_RECORDER_NICE)
-    nodes = [_make(name, argv, supervisor) for name in names]
+    nodes = [node_class(name)(argv, supervisor) for name in names]
     connect((node.inputs.values(), node.outputs.values()) for node in nodes)
     signals = _Signals(nodes)
     executor = SingleThreadedExecutor()
@@ -130,11 +130,12 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     return signals.status or (1 if any(n.failure or n.failed_run for n in nodes) else 0)
 
 
-def _make(name: str, argv: list[str], supervisor: Supervisor) -> Participant:
-    if name not in OWN:
-        return answering_node(name)(argv, supervisor)
-    node: Participant = getattr(import_module(module_of(name)), OWN[name])(argv, supervisor)
-    return node
+def node_class(role: str) -> type[Participant]:
+    """Return the class of the node that fills ``role``."""
+    if role not in OWN:
+        return answering_node(role)
+    found: type[Participant] = getattr(import_module(module_of(role)), OWN[role])
+    return found
 
 
 def _serve(executor: SingleThreadedExecutor, nodes: list[Participant]) -> None:
