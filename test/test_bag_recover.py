@@ -33,6 +33,7 @@ from flexarm_ros.bag.errors import BagError, BagExistsError
 from flexarm_ros.bag.mcap.recover import recover, Rescue
 from flexarm_ros.bag.mcap.scan import Scanner
 from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.recording import finish_run, prepare_directory
 from flexarm_ros.cli import main
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -104,6 +105,31 @@ def test_truncation_at_many_offsets(sound: bytes, chunk_ends: list[int], tmp_pat
         assert rescue.status == (0 if chunks == len(chunk_ends) else 3 if chunks else 1), cut
         if chunks:
             check_content(bag, set(range(chunks * CHUNK)))
+
+
+def test_a_rescue_says_how_far_it_is(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None:
+    (tmp_path / 'x.mcap').write_bytes(sound[: chunk_ends[-1]])
+    shares: list[float] = []
+    recover(tmp_path / 'x.mcap', tmp_path / 'new', shares.append)
+    assert shares == sorted(shares)
+    assert shares[0] < 0.1 and 0.5 in shares and shares[-1] == 1.0
+    assert len(shares) >= 2 * len(chunk_ends)
+
+
+def test_the_mending_of_a_run_says_how_far_it_is(
+    sound: bytes, chunk_ends: list[int], tmp_path: Path
+) -> None:
+    prepare_directory(tmp_path / 'run', CONFIG, 'small')
+    (tmp_path / 'run' / 'bag').mkdir()
+    (tmp_path / 'run' / 'bag' / 'bag_0.mcap').write_bytes(sound[: chunk_ends[1]])
+    told: list[tuple[str, float]] = []
+    summary = finish_run(
+        tmp_path / 'run', CONFIG, 'small', work=lambda text, share: told.append((text, share))
+    )
+    assert summary['ticks'] == 2 * CHUNK
+    assert {text for text, _ in told} == {'mending the bag, which the recorder did not finish'}
+    assert told[0][1] == 0.0 and told[-1][1] == 1.0
+    finish_run(tmp_path / 'run', CONFIG, 'small', work=lambda *_: pytest.fail('mended twice'))
 
 
 def test_flipped_bytes(sound: bytes, chunk_ends: list[int], tmp_path: Path) -> None:

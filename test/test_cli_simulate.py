@@ -204,6 +204,21 @@ def test_progress_in_a_pipe_is_plain_lines(capsys: pytest.CaptureFixture[str]) -
     assert second == 'done'
 
 
+def test_work_after_a_run_is_shown_at_once_and_as_it_goes(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from flexarm_ros import scenario
+    from flexarm_ros.cli import progress
+
+    with progress.Progress(scenario.load('fls_tip'), 'fls_tip') as shown:
+        for share in (0.0, 0.1, 0.2):
+            shown.work('mending', share)
+        shown._last_line -= 60.0
+        shown.work('mending', 0.3)
+    said = capsys.readouterr().err.splitlines()
+    assert said == ['fls_tip: mending: 0% done', 'fls_tip: mending: 30% done']
+
+
 @pytest.mark.parametrize('tick', [7, 19], ids=['on the way', 'in the last tick'])
 def test_a_law_without_a_finite_torque_is_named_with_its_tick(
     tick: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

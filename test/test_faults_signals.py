@@ -28,11 +28,12 @@ import sys
 import termios
 import time
 
-from faulttools import check_bag, NODE
+from faulttools import check_bag, load, NODE
 from flexarm_ros import scenario
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.launcher import run
 from flexarm_ros.launcher.faults import FaultPlan
+from flexarm_ros.nodes.plant import RECORDER_WINDOW
 from flexarm_ros.scenario.suites.suite import Fault
 from mcap.exceptions import McapError
 from mcap.records import Chunk
@@ -47,16 +48,19 @@ RTF = '0.2'
 BAG = 'bag/bag_0.mcap'
 
 
-def start(out: Path, *more: str, terminal: int | None = None) -> subprocess.Popen[str]:
+def start(
+    out: Path, *more: str, terminal: int | None = None, pictures: str = '--no-pictures'
+) -> subprocess.Popen[str]:
     """
     Start `flexarm run` of half a second of arm time, which takes 2.5 s of wall time.
 
-    It is the leader of a session with the ``terminal``, where one is given.
+    It is the leader of a session with the ``terminal``, where one is given; ``pictures`` is the
+    option for them.
     """
     words = [word for text in SETTINGS for word in ('--set', text)]
     return subprocess.Popen(
         [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', *words, '--rtf', RTF,
-         '--no-pictures', '--out', str(out), *more],
+         *pictures.split(), '--out', str(out), *more],
         stdin=terminal, stdout=terminal or subprocess.PIPE, stderr=terminal or subprocess.PIPE,
         text=True, cwd=ROOT, start_new_session=terminal is not None,
         preexec_fn=(lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0)) if terminal else None,
@@ -238,6 +242,72 @@ def test_a_killed_child_is_named_on_one_line(tmp_path: Path) -> None:
     assert line.startswith('flexarm run: tip_sensor: tick ')
     assert line.endswith('ended, killed by SIGKILL')
     assert not [pid for pid in nodes.values() if Path(f'/proc/{pid}').exists()]
+
+
+def test_a_stopped_node_is_named_within_the_limit(tmp_path: Path) -> None:
+    """Before its bag is closed or mended, once, and no pictures are drawn of a failed run."""
+    out = tmp_path / 'run'
+    launcher = start(out, pictures='')
+    try:
+        nodes = reach(launcher, out, 'middle')
+        os.kill(nodes['recorder'], signal.SIGSTOP)
+        stopped = time.monotonic()
+        assert launcher.stderr is not None
+        for line in launcher.stderr:
+            if line.startswith('flexarm run:'):
+                break
+        took = time.monotonic() - stopped
+        printed, errors = launcher.communicate(timeout=60)
+    finally:
+        launcher.kill()
+        launcher.wait()
+    assert re.match(r'flexarm run: recorder: tick \d+: nothing recorded within 2 s$', line)
+    window_s = RECORDER_WINDOW / 1000 / float(RTF)  # the plant flies so far ahead of it
+    assert took < 2.0 + window_s + 2.0 * load()
+    assert launcher.returncode == 1
+    assert 'flexarm run' not in errors
+    problem = json.loads((out / 'summary.json').read_text())['problem']
+    assert line == f'flexarm run: {problem}\n'
+    assert problem in printed
+    assert 'picture' not in printed
+    assert not (out / 'pictures').exists()
+
+
+@pytest.mark.parametrize(('role', 'kind'), [('recorder', 'pause'), ('encoder', 'kill')])
+def test_a_verdict_does_not_wait_for_the_files(tmp_path: Path, role: str, kind: str) -> None:
+    config = scenario.load('fls_tip', ['duration=0.5', 'tick_timeout=2.0'])
+    out = tmp_path / 'run'
+    told: list[str] = []
+
+    def verdict(text: str) -> None:
+        told.append(text)
+        assert 'still running' in (out / 'summary.json').read_text()
+        assert not (out / 'bag' / 'metadata.yaml').exists()
+
+    outcome = run.run_scenario(
+        config, 'fls_tip', out, run.RunOptions(rtf=0.5), verdict=verdict,
+        faults=FaultPlan([Fault(0.2, role, kind)], Timeline.of(config.run)),
+    )  # fmt: skip
+    assert told == [outcome.problem]
+    assert outcome.problem.startswith(f'{role}: tick ')
+    assert outcome.summary['problem'] == outcome.problem
+    assert (out / 'bag' / 'metadata.yaml').exists()
+
+
+def test_the_mending_of_a_bag_is_reported(tmp_path: Path) -> None:
+    out = tmp_path / 'run'
+    launcher = start(out)
+    try:
+        nodes = reach(launcher, out, 'middle')
+        os.kill(nodes['recorder'], signal.SIGKILL)
+        _, errors = launcher.communicate(timeout=30)
+    finally:
+        launcher.kill()
+        launcher.wait()
+    said = [line for line in errors.splitlines() if 'recorder' in line]
+    assert said[0].startswith('flexarm run: recorder: tick ')
+    assert said[1:] == ['fls_tip: mending the bag, which the recorder did not finish: 0% done']
+    assert (out / 'bag-damaged').exists()
 
 
 def test_a_stopped_launcher_does_not_stop_the_nodes(tmp_path: Path) -> None:

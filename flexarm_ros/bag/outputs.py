@@ -22,6 +22,7 @@ and for a simulation in one process, so that the two agree byte for byte.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+import contextlib
 from importlib import metadata
 import json
 import os
@@ -97,6 +98,9 @@ def write_trajectory(
         os.replace(temporary, path)
     except OSError as error:
         raise BagError(f'{path}: cannot be written: {error.strerror}') from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()  # half a file: on a full disk the summary needs its room
     return metrics.result()
 
 

@@ -22,9 +22,10 @@ when the bag is closed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 import contextlib
 from dataclasses import replace
+from functools import partial
 import os
 from pathlib import Path
 import shutil
@@ -46,6 +47,9 @@ from flexarm_ros.core.run.metrics import Metrics
 
 BAG = 'bag'
 _DAMAGED = 'bag-damaged'
+
+Work = Callable[[str, float], None]
+"""Called with what is being done and the share of it that is done, 0 to 1."""
 
 
 class Recording:
@@ -115,18 +119,19 @@ def finish_run(
     problem: str = '',
     unstable: tuple[int, str] | None = None,
     external: Iterable[str] = (),
+    work: Work = lambda *_: None,
 ) -> dict[str, Any]:
     """
     Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
 
-    A bag that was cut off (recorder killed, disk full) is rescued first and
-    the damaged one kept beside it.  The bag tells which nodes were external; ``external`` is
-    what is known where there is none.
+    A bag that was cut off (recorder killed, disk full) is rescued first, and the damaged one
+    kept beside it; ``work`` is told how far that is.  The bag tells which nodes were external;
+    ``external`` is what is known where there is none.
     """
     provenance = Provenance.here(name, external)
     metrics = Metrics(config).result()
     try:
-        _mend_bag(directory, config, provenance)
+        _mend_bag(directory, config, provenance, work)
         reader = BagReader(directory)
         provenance = replace(provenance, foreign=reader.provenance.foreign)
         config = replace(config, changes=reader.config.changes)
@@ -138,13 +143,15 @@ def finish_run(
     return summary
 
 
-def _mend_bag(directory: Path, config: RunConfig, provenance: Provenance) -> None:
+def _mend_bag(directory: Path, config: RunConfig, provenance: Provenance, work: Work) -> None:
     """Replace a bag that was never closed by what can be rescued of it, or by an empty one."""
     bag = directory / BAG
     if not bag.is_dir() or (bag / 'metadata.yaml').exists():
         return
     rescued = directory / 'bag-rescued'
-    if not recover(bag, rescued).kept:
+    mending = partial(work, 'mending the bag, which the recorder did not finish')
+    mending(0.0)
+    if not recover(bag, rescued, mending).kept:
         with contextlib.suppress(OSError):
             shutil.rmtree(rescued)
         with BagWriter(rescued, config, provenance):

@@ -91,7 +91,11 @@ def skips(path: Path, command: str) -> bool:
 
 
 def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = False) -> None:
-    """Print a run's metrics and where its files are, then draw the pictures if asked to."""
+    """
+    Print a run's metrics and where its files are, then draw the pictures if asked to.
+
+    Of a run that has failed, unstable ones apart, none are drawn.
+    """
     rows = [('result', headline(summary))]
     if summary.get('external'):
         rows.append(('external', ', '.join(summary['external'])))
@@ -111,7 +115,7 @@ def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = Fals
     for label, text in rows:
         print(f'{label:<{width}}  {text}')
     sys.stdout.flush()  # drawing takes seconds
-    for path in _draw(directory) if pictures else []:
+    for path in _draw(directory) if pictures and summary.get('stable') is not None else []:
         print(f'{"picture":<{width}}  {path}')
 
 

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from types import TracebackType
@@ -40,7 +41,7 @@ class _Shown:
     def say(self, text: str) -> None:
         """Print one line, above the bar where there is one."""
         if self._bar is not None:
-            self._bar.console.print(text, markup=False, highlight=False)
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
         else:
             print(text, file=sys.stderr, flush=True)
 
@@ -95,6 +96,16 @@ class Progress(_Shown):
         self._period, self._duration = config.run.control_period, config.run.duration
         self._start: float | None = None
         self._first = 0
+        self._work = ''
+
+    def work(self, text: str, share: float) -> None:
+        """Take what is done after the run, and the share of it that is done."""
+        if text != self._work:
+            self._work, self._last_line = text, -math.inf
+        if self._bar is not None:
+            self._show(round(100 * share), 100, text)
+        elif self._line_is_due():
+            self.say(f'{self._name}: {text}: {share:.0%} done')
 
     def update(self, ticks: int, total: int) -> None:
         """Take the number of ticks done; the clock starts with the first of them."""

@@ -100,12 +100,19 @@ def run(args: argparse.Namespace) -> int:
         nodes=own_nodes(args.nodes),
         discovery='SUBNET' if args.network else 'LOCALHOST',
     )
+    told: list[str] = []
     with Deferred() as signals, Progress(config, name) as progress:
+
+        def verdict(text: str) -> None:
+            progress.say(f'flexarm run: {text}')
+            told.append(text)
+
         outcome = run_scenario(
             config, name, directory, options,
             announce=progress.say, watch=progress.update, stop=lambda: bool(signals.signum),
+            verdict=verdict, work=progress.work,
         )  # fmt: skip
-    if outcome.problem:
+    if outcome.problem and not told:
         print(f'flexarm run: {outcome.problem}', file=sys.stderr)
     show_outcome(directory, outcome.summary, pictures=not args.no_pictures)
     if outcome.interrupted:

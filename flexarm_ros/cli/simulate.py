@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from pathlib import Path
+import sys
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -77,7 +78,9 @@ def run(args: argparse.Namespace) -> int:
         summary = fly(
             config, directory, name, watch=progress.update, stop=lambda: bool(signals.signum)
         )
-    show_outcome(directory, summary, pictures=not args.no_pictures and not signals.signum)
+    if summary['stable'] is None and not signals.signum:
+        print(f'flexarm simulate: {summary["problem"]}', file=sys.stderr)
+    show_outcome(directory, summary, pictures=not args.no_pictures)
     if signals.signum:
         return signals.status
     return 0 if summary['stable'] else 1

@@ -83,6 +83,7 @@ class RunWatch:
         self.report = Report()
         self.foreign = frozenset(foreign)
         self.deaths: list[tuple[str, int]] = []
+        self._verdict = ''
         self._logs = logs
         self.ending = False
         self._heard = 0
@@ -162,12 +163,22 @@ class RunWatch:
         self.ending = True
         self._heard = self._heard or len(self.report.failures)
 
+    def settle(self) -> str:
+        """Return what `blame` says now, and will go on to say: it is being told."""
+        self._verdict = self.blame()
+        return self._verdict
+
     def blame(self, interrupted: bool = False) -> str:
         """
-        Return one line naming the node that ended the run, the tick and why; empty if none did.
+        Return one line that says why the run ended: the node, the tick and the reason.
 
-        The nodes of a run that the user ``interrupted`` report that too; it is not a failure.
+        An unstable run has its own line; empty where neither is the case.  The nodes of a run
+        that the user ``interrupted`` report that too; it is not a failure.
         """
+        if self._verdict:
+            return self._verdict
+        if self.report.unstable:
+            return f'unstable at tick {self.report.unstable_tick}: {self.report.unstable}'
         if self.deaths:
             return self._obituary(*self.deaths[0])
         heard = self.report.failures[: self._heard or None]

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import errno
+from functools import partial
 import json
 import os
 from pathlib import Path
@@ -28,7 +29,8 @@ import time
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
+from flexarm_ros.bag.mcap.files import write_atomically
+from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory, Work
 from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, specs
 from flexarm_ros.core.run.parts import REPLACEABLE, ROLES
 from flexarm_ros.core.run.warmup import warm_up
@@ -98,13 +100,18 @@ def run_scenario(
     watch: Watch = lambda *_: None,
     stop: Callable[[], bool] = lambda: False,
     faults: FaultPlan | None = None,
+    verdict: Callable[[str], None] = lambda _: None,
+    work: Work = lambda *_: None,
 ) -> Outcome:
     """
     Fly ``config`` as ROS 2 nodes and return how it went.
 
     ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
-    says True the run is ended in good order.  Raises NoDomainError, OSError or
-    BagError before anything is started.
+    says True the run is ended in good order.  ``verdict`` gets the outcome's ``problem`` as soon
+    as a node has made the run fail, before the nodes have ended and the files are finished;
+    ``work`` is told how far the mending of the bag is.  Raises NoDomainError, OSError or
+    BagError before anything is started, BagError too where the files of a run without a
+    problem cannot be finished.
     """
     check_commands(options.nodes)
     with reserved_domain(options.domain) as domain:
@@ -121,12 +128,21 @@ def run_scenario(
                 commands, environment, logs, options.nodes,
                 scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
             ) as nodes:  # fmt: skip
-                interrupted = _supervise(nodes, config, watch, stop, faults)
+                broken_off = partial(_tell, nodes, verdict, external if again else None)
+                interrupted = _supervise(nodes, config, watch, stop, faults, broken_off)
             if not again or interrupted or not nodes.never_met(external):
                 break
             announce(f'{nodes.blame()}; starting the nodes again')
             _set_aside(directory, logs)
-    return finish(directory, config, name, nodes, interrupted, external)
+    return finish(directory, config, name, nodes, interrupted, external, work)
+
+
+def _tell(
+    nodes: NodeProcesses, verdict: Callable[[str], None], again_without: Sequence[str] | None
+) -> None:
+    """Tell why the run failed, unless its nodes never met and will be started again."""
+    if again_without is None or not nodes.never_met(again_without):
+        verdict(nodes.settle())
 
 
 def _set_aside(directory: Path, logs: Path) -> None:
@@ -142,22 +158,29 @@ def finish(
     nodes: RunWatch,
     interrupted: bool,
     external: Sequence[str] = (),
+    work: Work = lambda *_: None,
 ) -> Outcome:
-    """Write what is left to write when all nodes have ended; return how the run went."""
+    """
+    Write what is left to write when all nodes have ended; return how the run went.
+
+    Raises BagError where that cannot be done and nothing else is wrong.
+    """
     outcome = Outcome(directory, problem=nodes.blame(interrupted), interrupted=interrupted)
     report = nodes.report
     started, ended = report.started_at, report.ended_at
     wall_s = ended - started if started is not None and ended is not None else None
-    if report.unstable:
-        outcome.problem = f'unstable at tick {report.unstable_tick}: {report.unstable}'
     try:
         outcome.summary = finish_run(
             directory, config, name, wall_s=wall_s, problem=outcome.problem,
             unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
-            external=external,
+            external=external, work=work,
         )  # fmt: skip
     except BagError as error:  # a full disk, say: why the run ended is told nevertheless
-        raise BagError('; '.join(filter(None, (outcome.problem, str(error))))) from None
+        if not outcome.problem:
+            raise
+        outcome.problem += f'; {error}'
+        outcome.summary = {'problem': outcome.problem}
+    outcome.problem = outcome.problem or str(outcome.summary['problem'])
     return outcome
 
 
@@ -195,11 +218,9 @@ def write_resolved(directory: Path, config: RunConfig) -> Path:
     """Write every parameter of the run as a file that the nodes read; return its path."""
     torques = (directory / 'torques.csv').resolve()
     if config.torques:
-        torques.write_text(scenario.write_torques(config.torques), encoding='utf-8')
+        write_atomically(torques, scenario.write_torques(config.torques))
     resolved = _resolved(directory)
-    resolved.write_text(
-        scenario.dump(config, str(torques) if config.torques else None), encoding='utf-8'
-    )
+    write_atomically(resolved, scenario.dump(config, str(torques) if config.torques else None))
     return resolved
 
 
@@ -253,8 +274,13 @@ def _supervise(
     watch: Watch,
     stop: Callable[[], bool],
     faults: FaultPlan | None,
+    broken_off: Callable[[], None],
 ) -> bool:
-    """Watch the nodes until all have left; True where ``stop`` ended the run."""
+    """
+    Watch the nodes until all have left; True where ``stop`` ended the run.
+
+    ``broken_off`` is called where a node has made it fail, before the nodes are ended.
+    """
     total = round(config.run.duration / config.run.control_period)
     leaving = _Leaving(max(LEAVING_S, config.run.tick_timeout))
     while nodes.ours:
@@ -267,17 +293,26 @@ def _supervise(
             nodes.end(config.run.tick_timeout)
             return True
         if nodes.failing:
-            nodes.poll(VERDICT_S)
+            _await_verdict(nodes)
             if not nodes.failing:
                 continue
             nodes.interrupt_run(times=2)
-            nodes.end(max(END_GRACE_S, config.run.tick_timeout))
+            broken_off()
+            nodes.end(END_GRACE_S)
             return False
         if 'plant' in nodes.report.done:
             leaving.check(nodes)
     watch(nodes.report.tick, total)
     nodes.end(0.0)  # somebody else's nodes need not know that the run is over
     return False
+
+
+def _await_verdict(nodes: NodeProcesses) -> None:
+    """Take what comes in after the first failure; for a dead node, the recorder's last ticks."""
+    deadline = time.monotonic() + VERDICT_S
+    nodes.poll(VERDICT_S)
+    while nodes.deaths and (left := deadline - time.monotonic()) > 0.0:
+        nodes.poll(left)
 
 
 class _Leaving:

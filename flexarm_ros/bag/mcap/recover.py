@@ -25,7 +25,7 @@ rescued nevertheless, but the new bag cannot be run again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import contextlib
 from dataclasses import dataclass, field
 import hashlib
@@ -137,10 +137,15 @@ class Rescue:
             self.damages.append(text)
 
 
-def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Rescue:
+def recover(
+    run: str | os.PathLike[str],
+    new_bag: str | os.PathLike[str],
+    watch: Callable[[float], None] = lambda _: None,
+) -> Rescue:
     """
     Rescue what is sound in the bag of RUN into the new directory ``new_bag``.
 
+    ``watch`` is called with the share that is done, 0 to 1, record by record.
     Nothing is created where nothing can be rescued.  Raises BagError where RUN
     has no file to look at or the new bag cannot be written (nothing of it is
     left then), BagExistsError where ``new_bag`` exists.
@@ -149,16 +154,17 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
     if os.path.lexists(target):
         raise BagExistsError(f'{target}: exists already, not overwritten')
     rescue = Rescue()
-    front = _survey(path, rescue)
+    front = _survey(path, rescue, lambda share: watch(0.5 * share))
     if not rescue.chunks and not rescue.loose:
         rescue.note('no sound chunk of messages')
         return rescue
     config = _config(path, front, rescue)
+    messages = _sound_messages(path, rescue.keeps_loose, lambda share: watch(0.5 + 0.5 * share))
     try:
         if config is None:
-            _rescue_plain(path, front, target, rescue)
+            _rescue_plain(messages, front, target, rescue)
         else:
-            _rescue_run(path, front, config, target, rescue)
+            _rescue_run(path, messages, front, config, target, rescue)
         if not rescue.kept:
             shutil.rmtree(target, ignore_errors=True)
             rescue.note('none of its messages belongs to the run')
@@ -170,10 +176,10 @@ def recover(run: str | os.PathLike[str], new_bag: str | os.PathLike[str]) -> Res
     return rescue
 
 
-def _survey(path: Path, rescue: Rescue) -> Front:
+def _survey(path: Path, rescue: Rescue, watch: Callable[[float], None]) -> Front:
     """Look through the whole file: what it says of itself, and what there is to rescue."""
     front = Front()
-    for record in _sound_records(path, rescue):
+    for record in _sound_records(path, rescue, watch):
         try:
             _look_at(path, record, front, rescue)
         except BagError as error:
@@ -204,13 +210,14 @@ def _look_at(path: Path, record: Record, front: Front, rescue: Rescue) -> None:
         front.take(path, record)
 
 
-def _sound_records(path: Path, rescue: Rescue) -> Iterator[Record]:
+def _sound_records(path: Path, rescue: Rescue, watch: Callable[[float], None]) -> Iterator[Record]:
     """Yield every record that can be read; chunks only if their checksum is right."""
     with Scanner(path) as scanner:
         position, trusted = _start(scanner, rescue), 0
         while position is None or position > 0:
             try:
                 for record in scanner.records(position):
+                    watch(record.end / scanner.size)
                     rescue.ended = rescue.ended or record.opcode == Opcode.DATA_END
                     if _sound(path, record, rescue):
                         trusted = record.end if record.opcode == Opcode.CHUNK else trusted
@@ -224,10 +231,12 @@ def _sound_records(path: Path, rescue: Rescue) -> Iterator[Record]:
                 position = _resume(scanner, error, trusted)
 
 
-def _sound_messages(path: Path, keeps_loose: bool) -> Iterator[list[Message]]:
+def _sound_messages(
+    path: Path, keeps_loose: bool, watch: Callable[[float], None]
+) -> Iterator[list[Message]]:
     """Yield the messages of each sound chunk, and in portions those outside of chunks."""
     loose: list[Message] = []
-    for record in _sound_records(path, Rescue()):
+    for record in _sound_records(path, Rescue(), watch):
         if record.opcode == Opcode.MESSAGE and keeps_loose:
             with contextlib.suppress(Damage):
                 loose.append(message_of(path, record))
@@ -318,7 +327,14 @@ def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
     return None
 
 
-def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescue: Rescue) -> None:
+def _rescue_run(
+    path: Path,
+    portions: Iterator[list[Message]],
+    front: Front,
+    config: RunConfig,
+    target: Path,
+    rescue: Rescue,
+) -> None:
     """Write the sound messages as a bag of this run."""
     if PROVENANCE_FILE not in front.attachments:
         rescue.lost_front = True
@@ -337,7 +353,7 @@ def _rescue_run(path: Path, front: Front, config: RunConfig, target: Path, rescu
     foreign = front.channels.keys() - index.keys() - altering
     seen = np.zeros((timeline.ticks, len(topics)), dtype=bool)
     with BagWriter(target, config, front_provenance(front)) as writer:
-        for messages in _sound_messages(path, rescue.keeps_loose):
+        for messages in portions:
             ours = [message for message in messages if message.channel not in foreign]
             rescue.foreign += len(messages) - len(ours)
             last = _rescue_messages(ours, writer, index, altering, timeline, seen, rescue)
@@ -377,13 +393,15 @@ def _rescue_messages(
     return last
 
 
-def _rescue_plain(path: Path, front: Front, target: Path, rescue: Rescue) -> None:
+def _rescue_plain(
+    portions: Iterator[list[Message]], front: Front, target: Path, rescue: Rescue
+) -> None:
     """Write the sound messages without a scenario, as their channels describe them."""
     if not front.channels:
         rescue.note('nothing says what its channels hold')
         return
     with PlainWriter(target, front, rescue.as_recorded) as writer:
-        for messages in _sound_messages(path, rescue.keeps_loose):
+        for messages in portions:
             kept, dropped = writer.add(messages)
             rescue.kept += kept
             rescue.dropped += dropped
