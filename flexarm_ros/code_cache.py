@@ -22,14 +22,17 @@ own, named by a digest of all of the core and of the versions that compile it.
 
 The directories are below ``NUMBA_CACHE_DIR`` if that is set, else below the
 package's ``__pycache__``, else, where that cannot be written, below the user's
-cache directory.  Without any of these nothing is kept.
+cache directory.  Without any of these nothing is kept.  That, and a full disk, is logged once,
+by the first process that finds it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+import errno
 from functools import cache
 import hashlib
+import logging
 import os
 from pathlib import Path
 import shutil
@@ -43,12 +46,18 @@ COMPILERS = ('numba', 'llvmlite', 'numpy')
 PREFIX = 'compiled-'
 KEPT = 4
 """Directories that are left when one more is made, of other versions of Python, say."""
+COMPLAINT = 'flexarm_ros: compiled code cannot be kept in '
+_TOLD = 'FLEXARM_ROS_CACHE_TOLD'
+"""Variable that is set once that has been said: the processes started later need not."""
+
+_log = logging.getLogger(__name__)
 
 
 @cache
 def directory() -> Path | None:
     """Return the directory for the source and the versions as they are, made if need be."""
     name = PREFIX + key()
+    refused: dict[str, Exception] = {}
     for base in _bases():
         path = base / name
         try:
@@ -57,9 +66,27 @@ def directory() -> Path | None:
                 path.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=path):
                 return path
-        except OSError:
-            continue
+        except OSError as error:
+            refused[str(path)] = error
+            if error.errno == errno.ENOSPC:
+                cannot_keep({str(path): error})
+    cannot_keep(refused)
     return None
+
+
+def cannot_keep(refused: Mapping[str, Exception]) -> None:
+    """Log that compiled code is not kept in any of these directories, and why."""
+    reasons = [
+        f'{path} ({getattr(why, "strerror", None) or why})' for path, why in refused.items()
+    ]
+    tell(COMPLAINT + ', '.join(reasons))
+
+
+def tell(text: str) -> None:
+    """Log a complaint, unless this process or the one that has started it has made one."""
+    if _TOLD not in os.environ:
+        os.environ[_TOLD] = '1'
+        _log.warning('%s', text)
 
 
 def key() -> str:

@@ -22,6 +22,7 @@ import shutil
 import subprocess
 import sys
 
+from disktools import small_disk
 from flexarm_ros import code_cache
 import pytest
 
@@ -43,12 +44,16 @@ class Copy:
 
     def answer(self, **environment: str) -> str:
         """Return what a process that uses the copy prints."""
+        return self.run(**environment).stdout.strip()
+
+    def run(self, program: str = PROGRAM, **environment: str) -> subprocess.CompletedProcess[str]:
+        """Return a process that has used the copy."""
         own = {k: v for k, v in os.environ.items() if k != 'NUMBA_CACHE_DIR'}
         own |= {'PYTHONPATH': str(self.package.parent), 'XDG_CACHE_HOME': str(self.home)}
         return subprocess.run(
-            [sys.executable, '-c', PROGRAM], env=own | environment, cwd=self.package.parent,
+            [sys.executable, '-c', program], env=own | environment, cwd=self.package.parent,
             capture_output=True, text=True, check=True, timeout=120,
-        ).stdout.strip()  # fmt: skip
+        )  # fmt: skip
 
     def states(self) -> list[Path]:
         """Return the directories of compiled code in the copy."""
@@ -112,3 +117,42 @@ def test_what_cannot_be_written_is_passed_over(tmp_path: Path) -> None:
 def test_the_users_own_place_is_used(copy: Copy, tmp_path: Path) -> None:
     assert copy.answer(NUMBA_CACHE_DIR=str(tmp_path)) == RIGHT
     assert list(tmp_path.glob(f'{code_cache.PREFIX}*/**/*.nbc'))
+
+
+def test_that_nothing_can_be_kept_is_said_once(tmp_path: Path) -> None:
+    copy = Copy(tmp_path)
+    (copy.package / '__pycache__').touch()
+    again = f'import subprocess, sys\nsubprocess.run([sys.executable, "-c", {PROGRAM!r}])'
+    done = copy.run(f'{PROGRAM}\n{again}', XDG_CACHE_HOME='/dev/null')
+    assert done.stdout.split('\n') == [RIGHT, RIGHT, '']
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(code_cache.COMPLAINT)
+    assert f'{copy.package}/__pycache__/' in line and '/dev/null/flexarm_ros/' in line
+
+
+def test_a_full_disk_under_the_cache_is_named_once(copy: Copy, tmp_path: Path) -> None:
+    more = 'from flexarm_ros.core.fls import fls_lambda\nfls_lambda(0.1, 0.1)'
+    with small_disk(tmp_path / 'disk', '8k') as disk:
+        done = copy.run(f'{PROGRAM}\n{more}', NUMBA_CACHE_DIR=str(disk))
+        assert done.stdout.strip() == RIGHT
+        (line,) = done.stderr.splitlines()
+        assert line.startswith(f'{code_cache.COMPLAINT}{disk}/')
+        assert line.endswith('(No space left on device)')
+        assert not list(disk.rglob('*.tmp*'))
+        assert copy.answer(NUMBA_CACHE_DIR=str(disk)) == RIGHT  # what there is of it is whole
+
+
+@pytest.mark.slow
+@pytest.mark.nodes
+def test_a_full_disk_under_the_cache_of_a_run_is_named_once(tmp_path: Path) -> None:
+    """Its nodes are forks of a process whose output is not the terminal's."""
+    words = ['run', 'pd_tip', '--set', 'duration=0.01', '--no-pictures']
+    with small_disk(tmp_path / 'disk', '128k') as disk:
+        done = subprocess.run(
+            [sys.executable, '-m', 'flexarm_ros.cli', *words, '--out', str(tmp_path / 'run')],
+            env=os.environ | {'NUMBA_CACHE_DIR': str(disk)},
+            capture_output=True, text=True, check=False, timeout=120,
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    said = [line for line in done.stderr.splitlines() if code_cache.COMPLAINT in line]
+    assert len(said) == 1 and f'{disk}/' in said[0]

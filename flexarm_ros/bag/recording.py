@@ -23,7 +23,6 @@ when the bag is closed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-import contextlib
 from dataclasses import replace
 from functools import partial
 import os
@@ -152,9 +151,11 @@ def _mend_bag(directory: Path, config: RunConfig, provenance: Provenance, work: 
     mending = partial(work, 'mending the bag, which the recorder did not finish')
     mending(0.0)
     if not recover(bag, rescued, mending).kept:
-        with contextlib.suppress(OSError):
-            shutil.rmtree(rescued)
-        with BagWriter(rescued, config, provenance):
-            pass
+        try:
+            with BagWriter(rescued, config, provenance):
+                pass
+        except BagError:  # a full disk
+            shutil.rmtree(rescued, ignore_errors=True)
+            raise
     os.rename(bag, directory / _DAMAGED)
     os.rename(rescued, bag)

@@ -19,6 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 import xml.etree.ElementTree as ET
 
+from flexarm_ros.bag.mcap.files import naming
 from flexarm_ros.launcher.suite import NOT_STARTED, SuiteResult
 
 
@@ -53,7 +54,8 @@ def write_junit(result: SuiteResult, path: Path) -> None:
     root.set('time', f'{sum(case.wall_s for case in result.cases):.3f}')
     path.parent.mkdir(parents=True, exist_ok=True)
     ET.indent(root)
-    ET.ElementTree(root).write(path, encoding='utf-8', xml_declaration=True)
+    with naming(path):
+        ET.ElementTree(root).write(path, encoding='utf-8', xml_declaration=True)
 
 
 def _add(root: ET.Element, group: str, name: str, wall_s: float = 0.0) -> ET.Element:

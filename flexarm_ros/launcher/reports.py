@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 import contextlib
 from dataclasses import dataclass, field
+import errno
 import json
 import os
 from pathlib import Path
@@ -207,14 +208,18 @@ class RunWatch:
         return f'{name}: {when} with exit status {status}{self._last_words(name)}'
 
     def _last_words(self, name: str) -> str:
-        """Return the last line of a node's log, where there is one."""
+        """Return the last line of a node's log, or that a full disk has taken none."""
+        path = self._logs / f'{name}.log'
         try:
-            with open(self._logs / f'{name}.log', 'rb') as log:
+            full = os.statvfs(path).f_bavail == 0
+            with open(path, 'rb') as log:
                 log.seek(max(0, os.fstat(log.fileno()).st_size - 2000))
                 lines = log.read().decode(errors='replace').split('\n')
         except OSError:
             return ''
         said = [line.strip() for line in lines if line.strip()]
+        if not said and full:
+            return f': its output is lost: {path}: {os.strerror(errno.ENOSPC)}'
         return f': {said[-1][:300]}' if said else ''
 
 

@@ -40,6 +40,7 @@ from flexarm_ros.analysis.report.runs import (
     NONCOLLOCATED,
     Run,
 )
+from flexarm_ros.bag.mcap.files import naming
 from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
@@ -206,7 +207,8 @@ def save(figure: Figure, out: Path, stem: str) -> list[Path]:
     paths = []
     for kind, metadata in METADATA.items():
         path = out / f'{stem}.{kind}'
-        figure.savefig(path, metadata=metadata)
+        with naming(path):
+            figure.savefig(path, metadata=metadata)
         figure.set_layout_engine('none')
         paths.append(path)
     return paths

@@ -35,10 +35,12 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from flexarm_ros.analysis.report import tables as tables
+from flexarm_ros.analysis import report_tables as tables
 from flexarm_ros.analysis.report.claims import evaluate
 from flexarm_ros.analysis.report.data import page_data
+from flexarm_ros.analysis.report.page import tables as tables
 from flexarm_ros.analysis.report.runs import load_runs, Run
+from flexarm_ros.bag.mcap.files import naming
 import numpy as np
 
 SCRIPTS = ('report_base.js', 'report_chart.js', 'report_arm.js', 'report_fls.js', 'report_main.js')
@@ -56,8 +58,9 @@ def write_report(runs: Sequence[Path | Run], out: Path) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     path = out / PAGE
     partial = out / f'{PAGE}.tmp'
-    partial.write_text(page, 'utf-8', 'backslashreplace')  # a path may be no text
-    os.replace(partial, path)
+    with naming(path):
+        partial.write_text(page, 'utf-8', 'backslashreplace')  # a path may be no text
+        os.replace(partial, path)
     return path
 
 

@@ -33,6 +33,7 @@ from types import TracebackType
 from typing import Any
 
 from flexarm_ros.analysis.sweep.worker import OUTCOMES, Row
+from flexarm_ros.bag.mcap.files import naming
 from flexarm_ros.scenario.sweeps.sweep import Sweep
 
 IDENTITY, ROWS, TABLE, PARQUET = 'sweep.json', 'rows.jsonl', 'table.csv', 'table.parquet'
@@ -122,8 +123,9 @@ class SweepStore:
     def add(self, row: Row) -> None:
         """Take a row and hand it to the operating system."""
         self.rows[row['index']] = row
-        self._file.write(json.dumps(row).encode() + b'\n')
-        self._file.flush()
+        with naming(self.directory / ROWS):
+            self._file.write(json.dumps(row).encode() + b'\n')
+            self._file.flush()
 
     def counts(self) -> dict[str, int]:
         """Return how many runs had each outcome."""
@@ -203,12 +205,14 @@ def write_parquet(table: Table, path: Path) -> Path | None:
     except ImportError:
         return None
     temporary = path.with_name(path.name + '.tmp')
-    pyarrow.parquet.write_table(pyarrow.table(table), temporary)
-    os.replace(temporary, path)
+    with naming(path):
+        pyarrow.parquet.write_table(pyarrow.table(table), temporary)
+        os.replace(temporary, path)
     return path
 
 
 def _replace(path: Path, text: str) -> None:
     temporary = path.with_name(path.name + '.tmp')
-    temporary.write_text(text, encoding='utf-8', newline='')
-    os.replace(temporary, path)
+    with naming(path):
+        temporary.write_text(text, encoding='utf-8', newline='')
+        os.replace(temporary, path)

@@ -59,7 +59,8 @@ class _Cache(_FunctionCache):  # type: ignore[misc]
         """Keep the compiled code of a signature if that is possible."""
         try:
             super().save_overload(sig, data)
-        except OSError:  # a full disk, or the directory was removed
+        except OSError as error:  # a full disk, or the directory was removed
+            code_cache.cannot_keep({self.cache_path: error})
             self._forget()
 
     def _forget(self) -> None:
@@ -72,12 +73,14 @@ class _Cache(_FunctionCache):  # type: ignore[misc]
 def compiled(function: F) -> F:
     """Compile ``function`` on its first call, or load it from the cache on disk."""
     result: Any = numba.njit(error_model='numpy')(function)
-    where = code_cache.directory()
-    if where is not None and not _config.DISABLE_JIT:
+    where = None if _config.DISABLE_JIT else code_cache.directory()
+    if where is not None:
         # Only while the cache is made: other packages keep theirs where they like.
         before, _config.CACHE_DIR = _config.CACHE_DIR, str(where)
         try:
             result._cache = _Cache(result.py_func)
+        except RuntimeError as error:  # no directory could be made below it
+            code_cache.cannot_keep({str(where): error})
         finally:
             _config.CACHE_DIR = before
     return cast(F, result)

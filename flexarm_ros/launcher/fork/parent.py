@@ -28,6 +28,7 @@ import sys
 import threading
 import time
 
+from flexarm_ros import code_cache
 from flexarm_ros.nodes.classes import MODULES
 
 NURSERY = 'flexarm_ros.launcher.fork.server'
@@ -137,6 +138,9 @@ def start(
             raise
     if nursery.returncode != 0:
         raise NotForked(trouble.strip() or f'exit status {nursery.returncode}')
+    for line in trouble.splitlines():
+        if line.startswith(code_cache.COMPLAINT):
+            code_cache.tell(line)
     pids = json.loads(told.splitlines()[-1])  # what is imported may print
     return {name: Adopted(pid) for name, pid in pids.items()}
 
