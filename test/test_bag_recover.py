@@ -307,8 +307,8 @@ def test_other_topics_and_second_messages_are_no_loss(
     assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 0
     said = capsys.readouterr().out
     assert said.startswith('whole: 1800 messages, 300 of 300 ticks')
-    assert '300 messages are on topics that the run does not have' in said
-    assert '300 messages are second ones of a topic at a tick' in said
+    assert 'left out: 300 messages on topics that the run does not have\n' in said
+    assert 'left out: 300 second messages of a topic at a tick\n' in said
     check_content(tmp_path / 'new', set(range(TICKS)))
 
 
@@ -336,6 +336,22 @@ def test_a_sound_bag_that_never_had_a_scenario_is_whole(
         (end,) = [record.end for record in scanner.records() if record.opcode == 0x06]
     cut.write_bytes(whole[:end])
     assert main(['recover', str(cut), '--out', str(tmp_path / 'part')]) == 3
+
+
+def test_one_message_is_not_called_messages(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sent = [Received('/chatter', 'std_msgs/msg/String', 10**9, text('one'))]
+    path = write_mcap(tmp_path / 'other.mcap', sent)
+    assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 0
+    assert capsys.readouterr().out.startswith('whole: 1 message, no scenario')
+    words = ['--set', 'duration=0.001', '--no-pictures', '--out', str(tmp_path / 'run')]
+    assert main(['simulate', 'fls_tip', *words]) == 0
+    capsys.readouterr()
+    assert main(['verify', str(tmp_path / 'run')]) == 0
+    said = capsys.readouterr().out
+    assert '1 of 1 tick compared\n' in said and '  encoder      1 message the same\n' in said
+    assert '1 messages' not in said
 
 
 LIMIT = 120_000

@@ -38,6 +38,7 @@ from flexarm_ros.bag.recompute import loop_messages, Nodes, Stamped, Tick, Value
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.scenario.errors import counted
 from flexarm_ros.scenario.recorded import RECORDER
 from flexarm_ros.wire.topics import per_tick_topics, STATE, Topic
 import numpy as np
@@ -387,10 +388,9 @@ def _check_counts(reader: BagReader, counts: Sequence[int], verdict: Verdict) ->
         return
     for index, name in reader.names.items():
         if said.get(name) != counts[index]:
-            verdict.faults.append(
-                f'metadata.yaml: {said.get(name, "no")} messages on {name}, '
-                f'the bag has {counts[index]}'
-            )
+            number = said.get(name)
+            told = 'no message' if number is None else counted(number, 'message')
+            verdict.faults.append(f'metadata.yaml: {told} on {name}, the bag has {counts[index]}')
 
 
 def _decoded(topic: Topic, data: bytes | None) -> Values | None:

@@ -36,23 +36,25 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Rescue the bag; 0 whole, 3 in part, 1 nothing."""
     from flexarm_ros.bag.mcap.recover import recover
+    from flexarm_ros.scenario.errors import counted
 
     rescue = recover(args.run, args.out)
     verdict = {0: 'whole', 3: 'in part', 1: 'nothing'}[rescue.status]
     if rescue.kept:
-        ticks = f'{rescue.complete} of {rescue.planned} ticks' if rescue.planned else 'no scenario'
+        planned = counted(rescue.planned, 'tick')
+        ticks = f'{rescue.complete} of {planned}' if rescue.planned else 'no scenario'
         ticks = 'all topics as recorded' if rescue.as_recorded else ticks
-        print(f'{verdict}: {rescue.kept} messages, {ticks}, in {args.out}')
+        print(f'{verdict}: {counted(rescue.kept, "message")}, {ticks}, in {args.out}')
     else:
         print(f'{verdict}: {"; ".join(rescue.damages)}', file=sys.stderr)
         return rescue.status
-    for count, what in (
-        (rescue.foreign, 'are on topics that the run does not have'),
-        (rescue.repeated, 'are second ones of a topic at a tick'),
-        (rescue.dropped, 'fit nowhere'),
+    for count, noun, which in (
+        (rescue.foreign, 'message', 'on topics that the run does not have'),
+        (rescue.repeated, 'second message', 'of a topic at a tick'),
+        (rescue.dropped, 'message', 'with no place in the run'),
     ):
         if count:
-            print(f'  {count} messages {what} and were left out')
+            print(f'  left out: {counted(count, noun)} {which}')
     for damage in rescue.damages:
         print(f'  {damage}')
     return rescue.status

@@ -90,14 +90,17 @@ def _verify(args: argparse.Namespace, path: Path) -> int:
 
 
 def _show(verdict: Verdict) -> None:
-    print(f'{verdict.ticks} of {verdict.planned} ticks compared')
+    from flexarm_ros.scenario.errors import counted
+
+    print(f'{verdict.ticks} of {counted(verdict.planned, "tick")} compared')
     if verdict.versions:
         print(_OTHER_SOURCE if verdict.other_source else _OTHER_VERSIONS)
         for text in verdict.versions:
             print(f'  {text}')
     for check, count in verdict.compared.items():
         bad = verdict.differing.get(check, 0)
-        result = f'{bad} of {count} messages differ' if bad else f'{count} messages the same'
+        messages, differ = counted(count, 'message'), 'differs' if count == 1 else 'differ'
+        result = f'{bad} of {messages} {differ}' if bad else f'{messages} the same'
         print(f'  {check:12} {result}')
     for text in verdict.notes:
         print(f'note: {text}')

@@ -30,6 +30,11 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f"; did you mean '{near[0]}'?" if near else ''
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 message``, ``2 messages``."""
+    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
+
+
 PATH_WIDTH = 200
 """Width of a path in an error: its end is what tells files apart."""
 

@@ -35,10 +35,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from flexarm_ros.analysis import report_tables as tables
+from flexarm_ros.analysis.report import tables
 from flexarm_ros.analysis.report.claims import evaluate
 from flexarm_ros.analysis.report.data import page_data
-from flexarm_ros.analysis.report.page import tables as tables
 from flexarm_ros.analysis.report.runs import load_runs, Run
 from flexarm_ros.bag.mcap.files import naming
 import numpy as np

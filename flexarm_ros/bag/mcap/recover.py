@@ -68,6 +68,7 @@ from flexarm_ros.bag.reader import (
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import T0_NS, Timeline
+from flexarm_ros.scenario.errors import counted
 from flexarm_ros.scenario.torque_file import parse_torques
 from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.topics import per_tick_topics
@@ -192,7 +193,8 @@ def _survey(path: Path, rescue: Rescue, watch: Callable[[float], None]) -> Front
                 if data is not None:
                     front.attachments[name] = data
     if rescue.keeps_loose:
-        rescue.note(f'{rescue.loose} messages outside of chunks: no checksum proves them')
+        loose = counted(rescue.loose, 'message')
+        rescue.note(f'no checksum proves {loose} outside of chunks')
     return front
 
 
