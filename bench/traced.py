@@ -37,7 +37,7 @@ from flexarm_ros.core.arm.plant_eq14 import Eq14Plant
 from flexarm_ros.core.sensing import sensors
 from flexarm_ros.core.trajectory import Reference
 from flexarm_ros.nodes import process
-from flexarm_ros.nodes.runtime import endpoints, lockstep, participant
+from flexarm_ros.nodes.runtime import channels, endpoints, participant
 
 PARTS: dict[str, int] = {}
 """Part -> nanoseconds of processor time."""
@@ -116,11 +116,11 @@ def wrap() -> None:
         (control.LAWS['pd'], 'torque', 'physics and control'),
         (control.LAWS['fls'], 'torque', 'physics and control'),
         (BagWriter, 'write_ticks', 'recording'),
-        (lockstep.Input, '_judge_block', 'serialization'),
+        (channels.Input, '_judge_block', 'serialization'),
     ):
         setattr(owner, name, timed(getattr(owner, name), part))
-    configure_output, configure_input = lockstep.Output.configure, lockstep.Input.configure
-    make_input = lockstep.Input.__init__
+    configure_output, configure_input = channels.Output.configure, channels.Input.configure
+    make_input = channels.Input.__init__
 
     def output(self: Any, *args: Any) -> None:
         configure_output(self, *args)
@@ -135,9 +135,9 @@ def wrap() -> None:
         make_input(self, *args)
         self._take = timed(self._take, 'DDS hop')
 
-    lockstep.Output.configure = output  # type: ignore[method-assign]
-    lockstep.Input.configure = reader  # type: ignore[method-assign]
-    lockstep.Input.__init__ = made  # type: ignore[method-assign]
+    channels.Output.configure = output  # type: ignore[method-assign]
+    channels.Input.configure = reader  # type: ignore[method-assign]
+    channels.Input.__init__ = made  # type: ignore[method-assign]
 
 
 def main(role: str, out: str, rest: list[str]) -> int:
