@@ -1,18 +1,4 @@
 #!/usr/bin/env bash
-# Copyright 2026 The flexarm_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
-
 # A run of 1 s with nodes on every Python of 3.10 to 3.13 that is found, on PATH or among pyenv's, and
 # on the wheels of every ROS 2 distribution: the environment from constraints/, `flexarm run`, `flexarm
 # verify`, the bytes of the first of these runs, and on Jazzy the tests marked `essential`. Before that:

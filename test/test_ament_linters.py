@@ -17,12 +17,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+import subprocess
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ASIDE = ('build', 'install', 'log')
 LINTERS = ('ament_copyright', 'ament_flake8', 'ament_pep257')
+LICENSED = ('.c', '.cc', '.cpp', '.cxx', '.h', '.hh', '.hpp', '.hxx', '.cmake', '.py')
+"""Endings of the files that ament_copyright reads."""
 
 
 def sources() -> list[str]:
@@ -43,3 +46,16 @@ def test_they_are_told_to_rosdep() -> None:
     manifest = (ROOT / 'package.xml').read_text()
     for linter in LINTERS:
         assert f'<test_depend>{linter}</test_depend>' in manifest
+
+
+def test_the_licence_stands_where_ament_copyright_reads_it_and_nowhere_else() -> None:
+    """LICENSE covers all other files; ament_copyright itself is not on every machine."""
+    if not (ROOT / '.git').exists():
+        pytest.skip('not a git checkout')
+    listed = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, check=True)
+    paths = [ROOT / name for name in listed.stdout.decode().split('\0') if name]
+    assert any(path.suffix in LICENSED for path in paths)
+    for path in paths:
+        if path != ROOT / 'LICENSE' and path.is_file() and (head := path.read_bytes()[:900]):
+            stated = b'Copyright 2026' in head or b'SPDX-License-Identifier' in head
+            assert stated == (path.suffix in LICENSED), path

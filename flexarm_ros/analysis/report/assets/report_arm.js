@@ -1,4 +1,3 @@
-// Copyright 2026 The flexarm_ros maintainers. SPDX-License-Identifier: Apache-2.0
 // The bent arm at a time, drawn over the paths.
 const MODE_ROOT = 1.8751040687119611;
 const MODE_RATIO = (Math.cosh(MODE_ROOT) + Math.cos(MODE_ROOT)) / (Math.sinh(MODE_ROOT) + Math.sin(MODE_ROOT));

@@ -1,4 +1,3 @@
-// Copyright 2026 The flexarm_ros maintainers. SPDX-License-Identifier: Apache-2.0
 // Data, number formats and small helpers. Texts from files only ever become text nodes.
 document.documentElement.dataset.script = "yes";
 const SVG = "http://www.w3.org/2000/svg";

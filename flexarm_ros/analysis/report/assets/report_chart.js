@@ -1,4 +1,3 @@
-// Copyright 2026 The flexarm_ros maintainers. SPDX-License-Identifier: Apache-2.0
 // One picture with axes: zoom by drag, buttons and keys, a cursor, a box of values.
 let charts = 0;
 

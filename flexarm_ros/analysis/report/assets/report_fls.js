@@ -1,4 +1,3 @@
-// Copyright 2026 The flexarm_ros maintainers. SPDX-License-Identifier: Apache-2.0
 // The fuzzy logic system: membership functions as curves, lambda as a surface that turns.
 const SCALE = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
 

@@ -1,4 +1,3 @@
-// Copyright 2026 The flexarm_ros maintainers. SPDX-License-Identifier: Apache-2.0
 // Puts the page together: runs, pictures, time, controls.
 const page = JSON.parse(byId("data").textContent);
 const runs = loadRuns(page);
