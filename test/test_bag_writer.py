@@ -317,7 +317,7 @@ def test_nothing_of_an_incomplete_tick_is_lost(tmp_path: Path) -> None:
                 writer.write(topic, tick, truth[tick][topic])
         for topic in (3, 0, 1):
             writer.write(topic, 10, truth[10][topic])
-    assert (writer.complete_ticks, writer.incomplete_ticks) == (10, 1)
+    assert writer.complete_ticks == 10
     ticks = dict(BagReader(tmp_path / 'bag').ticks())
     assert len(ticks) == 11
     held = [data if i in (0, 1, 3) else None for i, data in enumerate(truth[10])]

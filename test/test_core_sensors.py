@@ -161,12 +161,12 @@ def test_latency_changed_while_running(model: str) -> None:
     still = states(1)[0]
     for k in range(30):
         if k == 10:
-            sensor.set_latency_ns(5_250_000)
+            sensor.retune(RunConfig(tip_sensor=TipSensorParameters(latency=0.00525)))
         found = sensor.measure(k, *still)
         assert found[0] == T0_NS + k * MS - (5_250_000 if k >= 10 else 0)
         assert found[1:] == pytest.approx(make_point(PlantParameters(), 9.0, False)(*still))
     with pytest.raises(ValueError, match='^tip_sensor.latency: -1 ns'):
-        sensor.set_latency_ns(-1)
+        sensor.retune(RunConfig(tip_sensor=TipSensorParameters(latency=-1e-9)))
 
 
 @pytest.mark.parametrize(

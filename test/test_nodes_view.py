@@ -215,21 +215,15 @@ def test_skeleton_and_urdf_agree_with_the_rigid_arm() -> None:
 
 
 def test_layout_shows_what_is_sent() -> None:
-    from flexarm_ros.nodes.view.foxglove import (
-        _schema,
-        FRAMES,
-        layout,
-        NUMBERS,
-        SCENE,
-        shown_paths,
-    )
+    from flexarm_ros.nodes.view.foxglove import _schema, FRAMES, layout, NUMBERS, SCENE
     import yaml
 
     names = set(_schema()['properties'])
-    paths = shown_paths()
+    document = json.loads(layout().read_text())
+    shown = [panel.get('paths', []) for panel in document['configById'].values()]
+    paths = [path['value'] for panel in shown for path in panel]
     assert {path.partition('.')[2] for path in paths} <= names
     assert {path.partition('.')[0] for path in paths} == {NUMBERS}
-    document = json.loads(layout().read_text())
     assert set(document['configById']['3D!arm']['topics']) == {SCENE, FRAMES}
 
     def panels(tree: object) -> Iterator[str]:

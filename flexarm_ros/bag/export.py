@@ -37,7 +37,6 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from flexarm_ros.wire.topics import Topic
 
-FORMATS = ('csv', 'parquet')
 CHANGES_FILE = 'changes.csv'
 """Parameters that were changed while the run went on; a scenario has no place for them."""
 NO_PYARROW = 'parquet needs pyarrow, which is not installed: pip install pyarrow'

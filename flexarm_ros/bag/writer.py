@@ -95,7 +95,6 @@ class BagWriter:
         self.directory = Path(directory)
         self.topics = tuple(per_tick_topics(config) if topics is None else topics)
         self.complete_ticks = 0
-        self.incomplete_ticks = 0
         self._period_ns = seconds_to_ns(config.run.control_period)
         chunk_ns = round(config.recorder.chunk_time * 1e9)
         self._chunk_ticks = max(1, chunk_ns // self._period_ns)
@@ -304,9 +303,7 @@ class BagWriter:
                 self._times.append(stamp)
                 self._lengths.append(9 + length)
                 self._bytes += 9 + length
-        if self._missing.pop(tick):
-            self.incomplete_ticks += 1
-        else:
+        if not self._missing.pop(tick):
             self.complete_ticks += 1
         self._next = tick + 1
         self._end_chunk_if_due()

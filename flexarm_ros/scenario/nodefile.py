@@ -263,8 +263,8 @@ def _elsewhere(node: NodeName, key: str) -> str:
 def _put(found: NodeParameters, section: str, keys: Section) -> None:
     """Set keys of the scenario; what a dump shows as without a value is left out again."""
     for key, given in keys.items():
-        spec = specs(SECTIONS[section])[key][1]
+        default = specs(SECTIONS[section])[key][2]
         found.scenario.pop((section, key), None)
         unset = isinstance(given.tree, Scalar) and given.tree.text == UNSET
-        if not (spec.optional and unset):
+        if not (default is None and unset):
             found.scenario[section, key] = given

@@ -66,12 +66,12 @@ PANELS = 32
 """Panels of the composite five-point Gauss rule: exact to rounding for all shapes used."""
 
 
-def clamped_clamped_root(index: int) -> float:
-    """Return root number ``index`` (from 0) of cos(z) cosh(z) = 1, z = 4.7300, 7.8532, ..."""
-    return _clamped_clamped_mode(index)[0]
+def clamped_clamped_mode(index: int) -> tuple[float, float]:
+    """
+    Return root number ``index`` (from 0) of cos(z) cosh(z) = 1, and its mode's ratio.
 
-
-def _clamped_clamped_mode(index: int) -> tuple[float, float]:
+    The roots are 4.7300, 7.8532, ...; `beam_shape` takes both numbers.
+    """
     found: tuple[float, float] = beam_mode((index + 1.5) * math.pi, -1.0)
     return found
 
@@ -85,7 +85,7 @@ def _craig_bampton(index: int, xi: FloatArray, order: int) -> FloatArray:
         return (0.5 * xi * xi * (3.0 - xi), 0.5 * xi * (6.0 - 3.0 * xi), 3.0 - 3.0 * xi)[order]
     if index == 1:  # end moment
         return (xi * xi, 2.0 * xi, 2.0 + 0.0 * xi)[order]
-    return beam_shape(*_clamped_clamped_mode(index - 2), xi, order)
+    return beam_shape(*clamped_clamped_mode(index - 2), xi, order)
 
 
 def _polynomial(index: int, xi: FloatArray, order: int) -> FloatArray:

@@ -41,7 +41,6 @@ class Spec:
     high: float | None = None
     low_open: bool = False
     choices: tuple[str, ...] = ()
-    optional: bool = False
     live: bool = False
     whole_ns: bool = False
 
@@ -49,7 +48,7 @@ class Spec:
 def parameter(default: Any, kind: str, unit: str, doc: str, **rest: Any) -> Any:
     """Return the field of a key: its default, and its :class:`Spec` from the rest."""
     key = rest.pop('key', None)
-    spec = Spec(kind, unit, doc, optional=default is None, **rest)
+    spec = Spec(kind, unit, doc, **rest)
     return field(default=default, metadata={'spec': spec, 'key': key})
 
 

@@ -99,13 +99,6 @@ class _Latency:
         else:
             self._line = BufferDelay(period_ns, self.ns)
 
-    def set_ns(self, latency_ns: int) -> None:
-        try:
-            self._line.set_latency_ns(latency_ns)
-        except ValueError as error:
-            raise ValueError(f'{self._key}: {error}') from None
-        self.ns = latency_ns
-
     def check_seconds(self, seconds: float) -> None:
         latency_ns = named_ns(self._key, seconds)
         if latency_ns > self._line.most_ns:
@@ -117,7 +110,11 @@ class _Latency:
     def set_seconds(self, seconds: float) -> None:
         latency_ns = named_ns(self._key, seconds)
         if latency_ns != self.ns:
-            self.set_ns(latency_ns)
+            try:
+                self._line.set_latency_ns(latency_ns)
+            except ValueError as error:
+                raise ValueError(f'{self._key}: {error}') from None
+            self.ns = latency_ns
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> tuple[int, Sample4]:
         return T0_NS + k * self._period_ns - self.ns, self._line.step(k, a, b, c, d)
@@ -132,10 +129,6 @@ class Encoder:
         self._latency = _Latency('encoder', parameters.latency, period_ns, 'buffer')
         self._noise = Noise(config.run.seed, 'encoder')
         self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
-
-    def set_latency_ns(self, latency_ns: int) -> None:
-        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.sensing.delay`)."""
-        self._latency.set_ns(latency_ns)
 
     def check_latency(self, seconds: float) -> None:
         """Raise ``ValueError`` for a latency that cannot be set while a run goes on."""
@@ -195,10 +188,6 @@ class TipSensor:
         self._every = ticks_per_sample(parameters.rate, timeline.period_ns)
         self.noise_std = parameters.noise_std
         self._held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
-
-    def set_latency_ns(self, latency_ns: int) -> None:
-        """Change the latency from the next tick on (see :mod:`flexarm_ros.core.sensing.delay`)."""
-        self._latency.set_ns(latency_ns)
 
     def check_latency(self, seconds: float) -> None:
         """Raise ``ValueError`` for a latency that cannot be set while a run goes on."""

@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib import import_module
 from importlib.resources import files
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -144,9 +143,3 @@ def _schema() -> dict[str, Any]:
     )
     keys = {key: {'type': ['number', 'null']} for key in empty.numbers()}
     return {'title': 'flexarm_ros.Numbers', 'type': 'object', 'properties': keys}
-
-
-def shown_paths() -> list[str]:
-    """Return the message paths that the layout plots, for the test that they exist."""
-    panels = json.loads(layout().read_text(encoding='utf-8'))['configById']
-    return [path['value'] for panel in panels.values() for path in panel.get('paths', [])]

@@ -34,9 +34,6 @@ import numpy as np
 _TAYLOR = 10
 _STEP = 1e-5
 
-UNCERTAIN = 2
-"""Parameters that a model may be off in: logarithms of EI and of the mass density."""
-
 
 class Point(NamedTuple):
     """A material point, as ``elastic_point`` takes it: shapes (3, N + 1), shortening (2, N, N)."""
