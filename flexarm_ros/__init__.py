@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A two-link flexible space robot as ROS 2 nodes in lock-step; see README.md.
+A two-link flexible space robot simulated as lock-stepped ROS 2 nodes; see README.md.
 
 For notebooks and scripts, without ROS::
 
@@ -22,8 +22,8 @@ For notebooks and scripts, without ROS::
     run = fa.simulate("fls_tip", plant={"hub_inertia": [10, 10]})
     run.trajectory["theta1"], run.summary["rms_error"], run.plot()
 
-The names in ``__all__`` are stable; each is loaded when it is first used, so that importing the
-package itself costs nothing.
+The names in ``__all__`` are stable. Each is loaded on first use, so that importing the package
+itself is cheap.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load a name of the API from its module (PEP 562)."""
+    """Load a name of the API from its module on first use (PEP 562)."""
     home = _HOMES.get(name)
     if home is None:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

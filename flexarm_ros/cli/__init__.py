@@ -16,11 +16,11 @@
 The command ``flexarm``.
 
 Each command is a module of this package with ``add_parser(subparsers)`` and
-``run(args) -> int``, the exit status.  Only the module of the command that was asked for
-is imported, so that ``flexarm --help`` is quick and ``simulate`` needs no ROS.
+``run(args) -> int``, the exit status.  Only the module of the given command is imported, so
+that ``flexarm --help`` is fast and ``simulate`` needs no ROS.
 
-Exit status: 0 success; 1 a run or check that failed; 2 bad usage or a bad scenario; 3 a
-bag rescued in part; 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+Exit status: 0 success; 1 a failed run or check; 2 bad usage or a bad scenario; 3 a bag
+recovered in part; 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
 """
 
 from __future__ import annotations
@@ -40,31 +40,31 @@ from flexarm_ros.cli import signals
 from flexarm_ros.core.warned import allow_warnings
 
 COMMANDS = {
-    'list': ('listing', 'the shipped scenarios and suites'),
-    'run': ('run', 'fly a scenario as ROS 2 nodes in lock-step, recorded'),
-    'simulate': ('simulate', 'fly a scenario in one process, without ROS'),
-    'suite': ('suite', 'fly many scenarios and check what is expected of them'),
+    'list': ('listing', 'list the shipped scenarios and suites'),
+    'run': ('run', 'run a scenario as ROS 2 nodes in lock-step and record it'),
+    'simulate': ('simulate', 'simulate a scenario in one process, without ROS'),
+    'suite': ('suite', 'run many scenarios and check their expectations'),
     'replay': ('replay', 'publish a recorded run again'),
     'verify': ('verify', 'recompute a recorded run and compare every message'),
-    'digest': ('digest', 'one SHA-256 of all messages of a run'),
-    'recover': ('recover', 'rescue a damaged bag into a new one'),
-    'report': ('report', 'pictures and one HTML page of runs'),
-    'modes': ('modes', 'natural frequencies of the arm'),
-    'sweep': ('sweep', 'many scenarios in parallel, one table'),
-    'stability': ('stability', 'eigenvalues and margins of the sampled loop'),
-    'export': ('export', "a bag's messages as CSV or Parquet"),
-    'compare': ('compare', 'differences between two runs'),
-    'view': ('view', 'live view of a run in a browser'),
+    'digest': ('digest', 'print one SHA-256 of all messages of a run'),
+    'recover': ('recover', 'recover a damaged bag into a new one'),
+    'report': ('report', 'write figures and an HTML report of runs'),
+    'modes': ('modes', 'print the natural frequencies of the arm'),
+    'sweep': ('sweep', 'run a parameter sweep in parallel into one table'),
+    'stability': ('stability', 'print eigenvalues and margins of the sampled loop'),
+    'export': ('export', "export a bag's messages as CSV or Parquet"),
+    'compare': ('compare', 'compare the messages of two runs'),
+    'view': ('view', 'show a running simulation in a browser'),
 }
-"""Command -> (module of this package, one line for the help)."""
+"""Command -> (module of this package, one line of help)."""
 
 
 class UsageError(Exception):
-    """The command line asks for what cannot be done: exit status 2."""
+    """The command line is invalid or cannot be carried out: exit status 2."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors take two lines, not the whole usage."""
+    """A parser that reports an error in two lines, without the full usage."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         kwargs.setdefault('allow_abbrev', False)
@@ -75,7 +75,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """Prints the version; looked up only when it is asked for."""
+    """Print the version; it is looked up only when needed."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: Any) -> None:
         from flexarm_ros.cli.version import package_version
@@ -86,9 +86,9 @@ class _Version(argparse.Action):
 
 class _Output:
     """
-    A standard stream that goes quiet when its reader, or its terminal, has left.
+    A standard stream that discards output once its reader or terminal is gone.
 
-    The command then still runs to its end and gives its own exit status.
+    The command still completes and returns its own exit status.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -100,7 +100,7 @@ class _Output:
     def write(self, text: str) -> int:
         try:
             return int(self._stream.write(text))
-        except UnicodeEncodeError:  # a path, say, where the encoding is ASCII
+        except UnicodeEncodeError:  # e.g. a path, where the encoding is ASCII
             encoding = self._stream.encoding
             return self.write(text.encode(encoding, 'backslashreplace').decode(encoding))
         except OSError as error:
@@ -114,7 +114,7 @@ class _Output:
             self._discard(error)
 
     def _discard(self, error: OSError) -> None:
-        """Send what is buffered and all that follows nowhere; a full disk is still an error."""
+        """Discard the buffered and all later output; a full disk is still an error."""
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, self._stream.fileno())
         os.close(null)
@@ -131,11 +131,11 @@ def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser for ``argv``; only its command's module is imported."""
     parser = _Parser(
         prog='flexarm',
-        description='A two-link flexible robot arm as ROS 2 nodes: fly, record, replay, judge.',
-        epilog='To begin with: flexarm run fls_tip, or flexarm simulate fls_tip without ROS. '
-        'flexarm COMMAND --help says more. FLEXARM_DEBUG=1 shows tracebacks.',
+        description='A two-link flexible robot arm as ROS 2 nodes: run, record, replay, analyse.',
+        epilog='Start with: flexarm run fls_tip, or flexarm simulate fls_tip (no ROS). '
+        'See flexarm COMMAND --help for each command. FLEXARM_DEBUG=1 shows tracebacks.',
     )
-    parser.add_argument('--version', action=_Version, nargs=0, help='show the version and leave')
+    parser.add_argument('--version', action=_Version, nargs=0, help='print the version and exit')
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', title='commands')
     wanted = next((word for word in argv if not word.startswith('-')), None)
     for name, (module, summary) in _available().items():
@@ -147,7 +147,7 @@ def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run ``flexarm`` and return its exit status; the console script's entry."""
+    """Run ``flexarm`` and return its exit status (console script entry point)."""
     words = list(sys.argv[1:] if argv is None else argv)
     open_standard_files()
     streams = sys.stdout, sys.stderr

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Options of the commands that read a bag which another recorder wrote."""
+"""Options of the commands that read bags written by other recorders."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ if TYPE_CHECKING:
 
 
 def add_bag_options(parser: argparse.ArgumentParser, namespace: str = '--namespace') -> None:
-    """Add the options to a command's parser; ``namespace`` is the name of one of them."""
-    group = parser.add_argument_group('for a bag of `ros2 bag record` or `ros2 bag convert`')
+    """Add the options to a command's parser; ``namespace`` is the name of the namespace option."""
+    group = parser.add_argument_group('bags of `ros2 bag record` or `ros2 bag convert`')
     group.add_argument(
         '--scenario', metavar='SCENARIO',
-        help='the scenario that was run: a file or a shipped name; such a bag has none',
+        help='scenario of the run (a file or a shipped name), which such a bag does not hold',
     )  # fmt: skip
     group.add_argument(
         '--set', action='append', default=[], dest='overrides', metavar='NODE.KEY=VALUE',
-        help='change a parameter of SCENARIO, as the run did; repeats',
+        help='override a parameter of SCENARIO, as the run did; may repeat',
     )  # fmt: skip
     group.add_argument(
-        namespace, metavar='NS', help='of the run to read where the bag has several'
+        namespace, metavar='NS', help='namespace of the run to read if the bag holds several'
     )
 
 
 def given_scenario(args: argparse.Namespace) -> RunConfig | None:
-    """Return the scenario that was given, None if none was; UsageError for --set alone."""
+    """Return the given scenario, None without one; UsageError for --set alone."""
     from flexarm_ros import scenario
 
     if args.scenario is not None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm compare``: differences between two runs."""
+"""``flexarm compare``: compare the messages of two runs."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'compare',
-        help='differences between two runs',
+        help='compare the messages of two runs',
         description='Compare the messages of two runs (directories, bags or .mcap files) at equal '
         'times since the start, field by field. A value is beyond tolerance where '
         '|A - B| > ATOL + RTOL |B|.',
-        epilog='Exit status: 0 all within tolerance; 1 something beyond, a message without '
-        'counterpart, a damaged bag, or nothing to compare.',
+        epilog='Exit status: 0 all values within tolerance; 1 otherwise, or if a message has no '
+        'counterpart, a bag is damaged, or there is nothing to compare.',
     )
     parser.add_argument('a', metavar='A', help='output directory of a run, or its bag')
-    parser.add_argument('b', metavar='B', help='the run to compare it with')
+    parser.add_argument('b', metavar='B', help='output directory of the second run, or its bag')
     parser.add_argument('--atol', type=_tolerance, default=0.0, help='absolute (default 0)')
     parser.add_argument('--rtol', type=_tolerance, default=0.0, help='relative (default 0)')
     parser.add_argument('--json', action='store_true', help='machine-readable')
@@ -55,7 +55,7 @@ def _tolerance(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare the runs; 0 if all is within tolerance, else 1."""
+    """Compare the runs; return 0 if all values are within tolerance, else 1."""
     from flexarm_ros.bag.compare import compare
 
     given = given_scenario(args)

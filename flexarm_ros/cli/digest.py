@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm digest``: one number for all messages of a run."""
+"""``flexarm digest``: one SHA-256 of all messages of a run."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'digest',
-        help='one SHA-256 of all messages of a run',
+        help='print one SHA-256 of all messages of a run',
         description='Print one SHA-256 of topic, log time and bytes of every message in RUN (a '
-        "run's directory, the bag in it or the .mcap file). Two runs with the same digest hold "
-        'the same messages; scenario, versions and compression do not count.',
+        "run's directory, the bag in it or the .mcap file). Runs with equal digests hold the same "
+        'messages; scenario, versions and compression do not count.',
         epilog='Exit status: 0 printed; 1 the bag cannot be read or is damaged.',
     )
     parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the digest; 0."""
+    """Print the digest; return 0."""
     from flexarm_ros.bag.digest import digest_of
 
     print(digest_of(args.run))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The option ``--domain``, and the ROS environment that it may replace."""
+"""The option ``--domain``, and the ROS environment variables that it overrides."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flexarm_ros.nodes.runtime import environment
 
 
 def add_option(parser: argparse.ArgumentParser, otherwise: str) -> None:
-    """Add ``--domain``; ``otherwise`` is the domain where nothing names one."""
+    """Add ``--domain``; ``otherwise`` describes the default if the environment sets none."""
     parser.add_argument(
         '--domain', type=_domain, metavar='N',
         help=f'ROS_DOMAIN_ID (default: that of the environment, else {otherwise})',
@@ -33,9 +33,9 @@ def add_option(parser: argparse.ArgumentParser, otherwise: str) -> None:
 
 def chosen_domain(given: int | None) -> int | None:
     """
-    Return the domain that was given, else the environment's.
+    Return the given domain, else that of the environment, else None.
 
-    UsageError where it is none, or where the environment asks for security that cannot be had.
+    Raises UsageError if the environment's is invalid or asks for unavailable security.
     """
     try:
         domain = environment.environment_domain() if given is None else given

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm export``: a bag's messages as CSV or Parquet."""
+"""``flexarm export``: export a bag's messages as CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'export',
-        help="a bag's messages as CSV or Parquet",
+        help="export a bag's messages as CSV or Parquet",
         description="Write one table for each topic of BAG (a run's directory, the bag in it or "
-        'the .mcap file), its trajectory, and scenario.yaml to fly it again, into the new '
+        'the .mcap file), the trajectory, and scenario.yaml, which repeats the run, into the new '
         'directory DIR. Parquet needs pyarrow.',
         epilog='Exit status: 0 exported; 1 not possible, or the bag is damaged and was exported '
-        'as far as it goes; 2 bad usage.',
+        'up to the damage; 2 bad usage.',
     )
     parser.add_argument('bag', metavar='BAG', help='a bag, or the output directory of a run')
     parser.add_argument('--format', choices=('csv', 'parquet'), default='csv')
-    parser.add_argument('--out', metavar='DIR', required=True, help='new directory of the files')
+    parser.add_argument('--out', metavar='DIR', required=True, help='new directory for the files')
     add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Export the bag; 0, or 1 where that is not possible or the bag is damaged."""
+    """Export the bag; return 0, or 1 if it is damaged or cannot be exported."""
     from flexarm_ros.bag.export import export
 
     given = given_scenario(args)

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A run whose nodes `ros2 launch` starts: arguments, progress, the table at the end.
+A run whose nodes are started by `ros2 launch`: arguments, progress, final table.
 
-``launch/run.launch.py`` is the other half, which imports launch; nothing here does.
+The counterpart is ``launch/run.launch.py``, which imports launch; this module does not.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ class Argument(NamedTuple):
 ARGUMENTS = {
     'scenario': Argument(
         'fls_tip',
-        'a parameter file, or the name of a shipped scenario; `ros2 launch` ends with status 1 '
-        'if its run fails, is unstable or is interrupted',
+        'a parameter file, or the name of a shipped scenario; `ros2 launch` exits with status 1 '
+        'if the run fails, is unstable or is interrupted',
     ),
     'set': Argument(
         '',
-        'parameters to override, as `flexarm run --set` takes them, separated by spaces: '
-        'set:="plant.payload_mass=1 controller.kp=80"; quote a value that has spaces once more',
+        'parameters to override, as for `flexarm run --set`, separated by spaces: '
+        'set:="plant.payload_mass=1 controller.kp=80"; quote a value that contains spaces',
     ),
     'out': Argument(
         '',
@@ -65,7 +65,7 @@ ARGUMENTS = {
     ),
     'namespace': Argument('', 'namespace of all nodes and topics'),
     'rtf': Argument(
-        '0.0', 'hold the run to this multiple of real time; 0.0: as the scenario says'
+        '0.0', 'limit the run to this multiple of real time; 0.0: as set in the scenario'
     ),
 }
 """Name -> default and description of the arguments of ``run.launch.py``."""
@@ -73,11 +73,11 @@ ARGUMENTS = {
 
 class LaunchedRun:
     """
-    A run that is ready to be started, then watched.
+    A run that is ready to be started and watched.
 
-    ``given`` has a text for each of `ARGUMENTS`; ``around`` is the namespace that the launch files
-    around this one have pushed.  Raises ScenarioError, UsageError, BagError or
-    OSError, in one line, where they cannot be used: nothing has been started then.
+    ``given`` has a text for each of `ARGUMENTS`; ``around`` is the namespace pushed by the
+    including launch files.  Raises ScenarioError, UsageError, BagError or OSError (one line)
+    before anything is started if they are unusable.
     """
 
     def __init__(self, given: Mapping[str, str], around: str = '') -> None:
@@ -85,7 +85,7 @@ class LaunchedRun:
         rtf = read_rtf(given['rtf'])
         chosen_domain(None)
         self.name = Path(given['scenario']).stem
-        # The shell leaves a tilde behind := as it is.
+        # The shell does not expand a tilde after :=.
         out = Path(os.path.expanduser(given['out'])) if given['out'] else None
         inner = namespace.checked(given['namespace'], 'namespace:=')
         space = inner if given['namespace'].startswith('/') else around + inner
@@ -98,23 +98,23 @@ class LaunchedRun:
         self._own = own_arguments(self.directory, self.name, pace)
         self._progress = Progress(self.config, self.name)
         self._total = round(self.config.run.duration / self.config.run.control_period)
-        warm_up(self.config)  # once, not in every process at once
+        warm_up(self.config)  # once, before all processes do it at the same time
 
     def ros_arguments(self, role: str) -> list[str]:
-        """Return what follows ``--ros-args`` for the node ``role``."""
+        """Return the arguments after ``--ros-args`` for the node ``role``."""
         return ['--params-file', str(self._scenario), *self._own.get(role, [])]
 
     def look(self) -> None:
-        """Take the reports of the nodes and show the progress; to be called often."""
+        """Process the nodes' reports and show progress; call this often."""
         self.nodes.take_reports()
         if not self.nodes.ending:
             self._progress.update(self.nodes.report.tick, self._total)
 
     def finish(self, interrupted: bool) -> str:
         """
-        Write the files of a run whose nodes have all ended, and print the metrics.
+        Write the files of a run whose nodes have all exited, and print the metrics.
 
-        Returns one line that says why it failed, empty where it did not.
+        Returns the reason of a failure in one line, empty on success.
         """
         self.nodes.close()
         try:
@@ -127,7 +127,7 @@ class LaunchedRun:
 
 
 def split_overrides(text: str) -> list[str]:
-    """Return the assignments in ``text``, split as a shell does; UsageError where it cannot."""
+    """Return the assignments in ``text``, split as a shell does; UsageError if it cannot be."""
     try:
         return shlex.split(text)
     except ValueError as error:
@@ -135,7 +135,7 @@ def split_overrides(text: str) -> list[str]:
 
 
 def read_rtf(text: str) -> float:
-    """Return a multiple of real time; UsageError for anything but a number from 0."""
+    """Return a multiple of real time; UsageError unless a number of at least 0."""
     try:
         value = float(text)
     except ValueError:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm list``: the shipped scenarios, suites and sweeps, a line each."""
+"""``flexarm list``: list the shipped scenarios, suites and sweeps, one per line."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'list',
-        help='the shipped scenarios and suites',
-        description='List the shipped scenarios, suites and sweeps, a line each. '
-        'Their bare names can be given to the other commands.',
+        help='list the shipped scenarios and suites',
+        description='List the shipped scenarios, suites and sweeps, one per line. '
+        'The other commands accept these names.',
     )
-    parser.add_argument('--paths', action='store_true', help='show where each file is instead')
+    parser.add_argument('--paths', action='store_true', help='print the path of each file instead')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the list; returns 0, or 1 if nothing is shipped here."""
+    """Print the list; return 0, or 1 if nothing is installed."""
     groups = {
         'scenario': locate.shipped(),
         'suite': locate.shipped_suites(),

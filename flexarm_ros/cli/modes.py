@@ -28,22 +28,22 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'modes',
-        help='natural frequencies of the arm',
-        description="Natural frequencies (undamped, links straight, at rest) of a scenario's arm "
-        'at an elbow angle, in rad/s; rigid motions are left out. Hub inertias and end masses of '
-        'the scenario count; a scenario with plant.model eq14 gets the frequencies of (14).',
+        help='print the natural frequencies of the arm',
+        description='Print the natural frequencies (undamped, links straight, at rest) of a '
+        "scenario's arm at an elbow angle, in rad/s, without the rigid-body modes. They include "
+        "the scenario's hub inertias and end masses; plant.model eq14 gives those of (14).",
     )
     parser.add_argument('scenario', metavar='SCENARIO', help="a file or a shipped scenario's name")
     parser.add_argument(
         '--elbow', type=_angle, default=0.0, metavar='RAD', help='theta2 in rad (default 0)'
     )
     parser.add_argument(
-        '--joints', choices=JOINTS, default='locked', help='which joints hold (default locked)'
+        '--joints', choices=JOINTS, default='locked', help='joints that are held (default locked)'
     )
-    parser.add_argument('--json', action='store_true', help='one JSON object instead of a table')
+    parser.add_argument('--json', action='store_true', help='print JSON instead of a table')
     parser.add_argument(
         '--set', action='append', default=[], dest='overrides', metavar='NODE.KEY=VALUE',
-        help='another value for a parameter; may repeat',
+        help='override a parameter; may repeat',
     )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def _angle(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the frequencies; returns 0."""
+    """Print the frequencies; return 0."""
     from flexarm_ros.scenario import load
     from flexarm_ros.stability.modes import natural_frequencies
 

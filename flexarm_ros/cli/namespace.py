@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The option ``--namespace``: names of a whole run in a namespace of the graph."""
+"""The option ``--namespace``: one namespace for all names of a run."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from flexarm_ros.cli import UsageError
 
 
 def add_option(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add ``--namespace``; ``what`` says what is in it."""
+    """Add ``--namespace``; ``what`` describes its content."""
     parser.add_argument('--namespace', default='', metavar='NS', help=what)
 
 
 def checked(text: str, option: str = '--namespace ') -> str:
     """
-    Return a namespace as ``/left``, empty for none; a leading slash may be left out.
+    Return a namespace as ``/left``, empty for none; the leading slash is optional.
 
-    Raises UsageError, which begins with the ``option``, where ROS 2 does not allow it.
+    Raises UsageError, prefixed by ``option``, if ROS 2 does not allow the name.
     """
     from rclpy.exceptions import InvalidNamespaceException
     from rclpy.validate_namespace import validate_namespace

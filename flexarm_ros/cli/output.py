@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the commands that fly a scenario share: the run's directory and the table at its end."""
+"""Shared by the commands that run a scenario: the output directory and the final table."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _METRICS = (
 
 
 def check_utf8(option: str, text: str) -> None:
-    """Raise UsageError where a path is not text: ROS parameters and JSON are UTF-8."""
+    """Raise UsageError for a path that is not UTF-8, as ROS parameters and JSON require."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -50,10 +50,10 @@ def new_directory(
     out: Path | None, name: str, below: Path = Path('runs'), option: str = '--out '
 ) -> Path:
     """
-    Return a directory for a new run: ``out``, or ``runs/NAME``, ``runs/NAME-2``, ...
+    Return the directory of a new run: ``out``, or ``runs/NAME``, ``runs/NAME-2``, ...
 
-    A default one is made at once, so that two runs started together do not take the same.
-    Raises UsageError, which begins with the ``option``, if ``out`` has something in it already.
+    A default one is created at once, so that concurrent runs get different directories.
+    Raises UsageError, prefixed by ``option``, if ``out`` is not empty.
     """
     check_utf8('', name)
     if out is not None:
@@ -79,7 +79,7 @@ def new_directory(
 
 
 def skips(path: Path, command: str) -> bool:
-    """Whether ``path``, which is no run, is a report or a sweep; prints that it is skipped."""
+    """Whether ``path`` is a report or a sweep and not a run; prints that it is skipped."""
     from flexarm_ros.analysis.report.page import PAGE
     from flexarm_ros.analysis.sweep.store import IDENTITY
 
@@ -92,9 +92,9 @@ def skips(path: Path, command: str) -> bool:
 
 def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = False) -> None:
     """
-    Print a run's metrics and where its files are, then draw the pictures if asked to.
+    Print a run's metrics and the location of its files, then draw the figures if asked.
 
-    Of a run that has failed, unstable ones apart, none are drawn.
+    None are drawn of a run that failed; an unstable run is no failure here.
     """
     rows = [('result', headline(summary))]
     if summary.get('external'):
@@ -120,7 +120,7 @@ def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = Fals
 
 
 def headline(summary: dict[str, Any]) -> str:
-    """Return how a run ended, in one line."""
+    """Return the outcome of a run in one line."""
     ticks, problem = summary.get('ticks'), str(summary.get('problem') or 'no reason known')
     if summary.get('stable'):
         state = 'stable'
@@ -136,9 +136,9 @@ def headline(summary: dict[str, Any]) -> str:
 
 def format_metric(value: Any) -> str:
     """
-    Return a metric in five digits, ``-`` for what is not known, empty for no values.
+    Return a metric with five digits, ``-`` if unknown, empty for no values.
 
-    What is not known at the end of a list is one ``-``, however long it is.
+    Unknown values at the end of a list are shown as one ``-``.
     """
     if isinstance(value, list):
         shown = [format_metric(item) for item in value]
@@ -157,6 +157,6 @@ def _draw(directory: Path) -> list[Path]:
         return []
     try:
         return list(write_figures([directory], directory / 'pictures'))
-    except Exception as error:  # a picture that fails must not fail the run
+    except Exception as error:  # a failed figure must not fail the run
         print(f'no pictures: {type(error).__name__}: {clip(str(error), 200)}', file=sys.stderr)
         return []

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The option ``--node``: a node of the user's in the place of one of ours."""
+"""The option ``--node``: replace a node of the package by the user's."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def add_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--node', dest='nodes', action='append', default=[], type=_assignment,
         metavar='NODE=COMMAND',
-        help='start COMMAND in the place of NODE, and end it with the run; repeats, as in '
+        help='start COMMAND instead of NODE and stop it with the run; may repeat, e.g. '
         "--node controller='python3 my_controller.py'",
     )  # fmt: skip
 
 
 def own_nodes(given: Sequence[tuple[str, list[str]]]) -> dict[str, list[str]]:
-    """Return ``{node: words}``; UsageError where one is named twice."""
+    """Return ``{node: words}``; UsageError if a node is named twice."""
     found = dict(given)
     if len(found) < len(given):
         raise UsageError('--node: a node is given twice')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Progress of runs: a bar on a terminal, plain lines elsewhere, both on standard error."""
+"""Progress of runs on standard error: a bar on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _Self = TypeVar('_Self', bound='_Shown')
 
 
 class _Shown:
-    """A rich bar where standard error is a terminal; otherwise ``say`` prints lines."""
+    """A rich bar if standard error is a terminal; otherwise ``say`` prints lines."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -39,7 +39,7 @@ class _Shown:
         self._task: Any = None
 
     def say(self, text: str) -> None:
-        """Print one line, above the bar where there is one."""
+        """Print one line, above the bar if there is one."""
         if self._bar is not None:
             self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
         else:
@@ -61,7 +61,7 @@ class _Shown:
         return self
 
     def _open_bar(self) -> None:
-        # Imported here: it takes 50 ms, which runs in pipes need not pay.
+        # Imported here: it takes 50 ms and is not needed in pipes.
         from rich.console import Console
         from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
         from rich.progress import Progress as Bar
@@ -89,7 +89,7 @@ class _Shown:
 
 
 class Progress(_Shown):
-    """Shows simulated time, real-time factor and the time that is left of one run."""
+    """Shows the simulated time, real-time factor and remaining time of one run."""
 
     def __init__(self, config: RunConfig, name: str) -> None:
         super().__init__(name)
@@ -108,12 +108,12 @@ class Progress(_Shown):
             self.say(f'{self._name}: {text}: {share:.0%} done')
 
     def update(self, ticks: int, total: int) -> None:
-        """Take the number of ticks done; the clock starts with the first of them."""
+        """Set the number of completed ticks; timing starts with the first."""
         now = time.monotonic()
         if self._start is None:
             if ticks > 0:
                 self._start, self._first = now, ticks
-                self._last_line = now  # no rate is known before
+                self._last_line = now  # the rate is unknown before
             return
         wall = now - self._start
         factor = (ticks - self._first) * self._period / wall if wall > 0.0 else 0.0
@@ -129,7 +129,7 @@ class Progress(_Shown):
 
 
 class CountProgress(_Shown):
-    """Shows how many runs are done and the time that is left."""
+    """Shows the number of completed runs and the remaining time."""
 
     def __init__(self, name: str, total: int, done: int = 0) -> None:
         super().__init__(name)
@@ -137,7 +137,7 @@ class CountProgress(_Shown):
         self._start = time.monotonic()
 
     def update(self, done: int) -> None:
-        """Take the number of runs that are done."""
+        """Set the number of completed runs."""
         if self._bar is not None:
             self._show(done, self._total, f'{done} of {self._total} runs')
         elif self._line_is_due():

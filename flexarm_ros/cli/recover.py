@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm recover``: rescue a damaged bag into a new one."""
+"""``flexarm recover``: recover a damaged bag into a new one."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'recover',
-        help='rescue a damaged bag into a new one',
-        description="Copy every sound chunk of RUN's bag (a run's directory, the bag in it or the "
-        '.mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.',
+        help='recover a damaged bag into a new one',
+        description="Copy every intact chunk of the bag of RUN (a run's directory, its bag or "
+        'the .mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.',
     )
     parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
-    parser.add_argument('--out', metavar='NEWBAG', required=True, help='new directory of the bag')
+    parser.add_argument('--out', metavar='NEWBAG', required=True, help='directory of the new bag')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Rescue the bag; 0 whole, 3 in part, 1 nothing."""
+    """Recover the bag; return 0 (whole), 3 (in part) or 1 (nothing)."""
     from flexarm_ros.bag.mcap.recover import recover
     from flexarm_ros.scenario.errors import counted
 

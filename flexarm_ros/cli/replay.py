@@ -35,57 +35,56 @@ def add_parser(subparsers: Any) -> None:
         help='publish a recorded run again',
         usage='flexarm replay RUN [options]',
         description='Publish every message of RUN (its directory, the bag in it or the .mcap '
-        'file) again, with /clock, in the recorded order. While it plays, the services '
-        '/player/pause, resume, play_next and toggle_paused and the parameter rate of /player '
-        'steer it.',
+        'file) again, with /clock, in the recorded order. Playback is controlled by the services '
+        '/player/pause, resume, play_next and toggle_paused and by the parameter rate of /player.',
         epilog='Exit status: 0 played; 1 the bag is damaged, or the controller did not answer; '
         '2 bad usage.',
     )
     parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
     parser.add_argument(
         '--rate', type=_rate, default=1.0, metavar='X',
-        help='multiple of real time (default 1; 0: as fast as it goes)',
+        help='multiple of real time (default 1; 0: as fast as possible)',
     )  # fmt: skip
     parser.add_argument(
         '--start', '--start-offset', type=_rate, default=0.0, metavar='S',
-        help='start at this simulated time, s',
+        help='simulated time at which to start, s',
     )  # fmt: skip
     parser.add_argument(
         '--duration', '--playback-duration', type=_number, default=-1.0, metavar='S',
-        help='play this much simulated time, s (default: to the end)',
+        help='simulated time to play, s (default: to the end)',
     )  # fmt: skip
-    parser.add_argument('--loop', action='store_true', help='start again at the end')
+    parser.add_argument('--loop', action='store_true', help='repeat from the start at the end')
     parser.add_argument('--paused', '--start-paused', action='store_true', help='start paused')
     parser.add_argument(
         '--topics', nargs='+', default=[], metavar='TOPIC',
-        help='only these, and /clock (default: all)',
+        help='topics to play, besides /clock (default: all)',
     )  # fmt: skip
     parser.add_argument(
         '--exclude', '--exclude-topics', nargs='+', default=[], metavar='TOPIC',
-        help='not these, nor /clock where it is one of them',
+        help='topics to leave out; may include /clock',
     )  # fmt: skip
     parser.add_argument(
         '--remap', '-m', nargs='+', action='extend', type=_rule, default=[], metavar='OLD:=NEW',
-        help='publish under other names; ROS 2 remapping rules',
+        help='ROS 2 remapping rules for the published names',
     )  # fmt: skip
     namespace.add_option(
-        parser, 'publish in this namespace, /clock excepted; where a bag of another recorder has '
-        'runs in several, that in this one is played',
+        parser, 'publish in this namespace, except /clock; of a bag with runs in several '
+        'namespaces, play this one',
     )  # fmt: skip
     parser.add_argument(
         '--without', choices=('controller',), default='',
-        help='leave the torque to your own controller, in lock-step',
+        help='do not publish the torque: an external controller computes it in lock-step',
     )  # fmt: skip
     parser.add_argument(
         '--delay', type=_rate, default=1.0, metavar='S',
-        help='wall time to wait for subscribers first (default 1)',
+        help='wall time to wait for subscribers, s (default 1)',
     )  # fmt: skip
     domain.add_option(parser, '0')
     add_bag_options(parser, '--from-namespace')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the run; 0, 1 if it broke off, 2 for a bad option, 129, 130 or 143 by signals."""
+    """Play the run; return 0, 1 if it broke off, 2 for a bad option, 129, 130, 143 by signals."""
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     space = namespace.checked(args.namespace)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm report``: pictures and one HTML page of runs."""
+"""``flexarm report``: write figures and an HTML report of runs."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'report',
-        help='pictures and one HTML page of runs',
-        description='Write one self-contained HTML page (it works offline) and pictures, PNG and '
-        "SVG, of one run or of several over one another: metrics, the paper's claims, paths, time "
-        'series, the bending arm in motion, the fuzzy logic system, the scenario.',
+        help='write figures and an HTML report of runs',
+        description='Write a self-contained HTML page, which works offline, and figures (PNG and '
+        "SVG) of one run or of several overlaid: metrics, the paper's claims, paths, time series, "
+        'an animation of the arm, the fuzzy logic system, the scenario.',
     )
     parser.add_argument(
         'runs',
         metavar='RUN',
         nargs='+',
         type=Path,
-        help='output directory of a run, or its bag; of several, reports and sweeps are skipped',
+        help='output directory of a run, or its bag; reports and sweeps are skipped',
     )
     parser.add_argument(
         '--out', type=Path, metavar='DIR',
-        help="where to write (default: report/ in the run's directory; "
-        'of several runs: report/ here)',
+        help="output directory (default: report/ in the run's directory; "
+        'for several runs, report/ in the current one)',
     )  # fmt: skip
     parser.add_argument('--no-pictures', action='store_true', help='write the page only')
     parser.add_argument('--open', action='store_true', help='open the page in a browser')
@@ -56,7 +56,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write page and pictures; 0, or 2 where a RUN is not one."""
+    """Write the page and the figures; return 0, or 2 if a RUN is not a run."""
     from flexarm_ros.analysis.figures.runs import write_figures
     from flexarm_ros.analysis.report.page import write_report
     from flexarm_ros.analysis.report.runs import RunError

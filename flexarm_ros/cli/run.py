@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm run``: fly a scenario as ROS 2 nodes in lock-step, recorded."""
+"""``flexarm run``: run a scenario as ROS 2 nodes in lock-step and record it."""
 
 from __future__ import annotations
 
@@ -39,45 +39,45 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'run',
-        help='fly a scenario as ROS 2 nodes in lock-step, recorded',
-        description='Fly SCENARIO (a file or the name of a shipped one) with one process for each '
-        'node, in lock-step on one simulated clock, and record every message to a bag.',
+        help='run a scenario as ROS 2 nodes in lock-step and record it',
+        description='Run SCENARIO (a file or the name of a shipped one) with one process per '
+        'node, in lock-step on one simulated clock, and record every message in a bag.',
     )
     parser.add_argument('scenario', metavar='SCENARIO', help="a file or a shipped scenario's name")
     parser.add_argument(
         '--set', dest='overrides', action='append', default=[], metavar='NODE.KEY=VALUE',
-        help='override a parameter; repeats; the value is YAML; without a node: the whole run',
+        help='override a parameter; may repeat; VALUE is YAML; without NODE: the run as a whole',
     )  # fmt: skip
     parser.add_argument(
         '--out',
         type=Path,
         metavar='DIR',
-        help='directory of the run (default: runs/NAME, or runs/NS-NAME)',
+        help='output directory (default: runs/NAME, or runs/NS-NAME)',
     )
     parser.add_argument(
         '--rtf', type=_positive, default=0.0, metavar='X',
-        help='hold the run to X times real time (default: /**.real_time_factor)',
+        help='limit the run to X times real time (default: /**.real_time_factor)',
     )  # fmt: skip
-    parser.add_argument('--compose', action='store_true', help='all nodes in one process')
+    parser.add_argument('--compose', action='store_true', help='run all nodes in one process')
     domain.add_option(parser, 'a free one')
     namespace.add_option(
-        parser, "namespace of all nodes and topics but /clock; a --node's own command needs it too"
+        parser, 'namespace of all nodes and topics but /clock; also to be set in a --node command'
     )
     parser.add_argument(
         '--without', action='append', default=[], choices=REPLACEABLE, metavar='NODE',
-        help='do not start NODE: one of yours takes its place; repeats '
+        help='do not start NODE, an external node replaces it; may repeat '
         f"({', '.join(REPLACEABLE)})",
     )  # fmt: skip
     add_option(parser)
     parser.add_argument(
         '--network', action='store_true',
-        help='let nodes on other machines take part (default: this machine only)',
+        help='allow nodes on other machines (default: this machine only)',
     )  # fmt: skip
-    parser.add_argument('--no-pictures', action='store_true', help='write no pictures')
+    parser.add_argument('--no-pictures', action='store_true', help='write no figures')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly the scenario; 0, 1 if it failed or is unstable, 130, 143 or 129 after a signal."""
+    """Run the scenario; return 0, 1 if failed or unstable, 130, 143 or 129 after a signal."""
     from flexarm_ros.cli.output import new_directory, show_outcome
     from flexarm_ros.cli.progress import Progress
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Signals that end a program as an exception, or as a flag where nothing may be cut short."""
+"""Termination signals as an exception, or as a flag where work must be completed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from flexarm_ros.core.ending import handle_ending
 
 
 class Interrupted(BaseException):
-    """Ctrl-C, SIGTERM or SIGHUP came; ``status`` is the exit status that says so."""
+    """Ctrl-C, SIGTERM or SIGHUP was received; ``status`` is the exit status for it."""
 
     def __init__(self, signum: int) -> None:
         super().__init__(signal.Signals(signum).name)
@@ -35,7 +35,7 @@ class Interrupted(BaseException):
 
 @contextlib.contextmanager
 def raising() -> Iterator[None]:
-    """Within the block the signals that end a program raise Interrupted in the main thread."""
+    """Raise Interrupted in the main thread on termination signals within the block."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -53,10 +53,10 @@ def _raise(signum: int, frame: FrameType | None) -> None:
 
 class Deferred:
     """
-    While the block runs, signals that end a program only set ``signum`` (0: none came).
+    A block in which termination signals only set ``signum`` (0: none received).
 
-    The exception would otherwise rise anywhere, within a compiled function's call-back
-    too, where Python can only drop it.
+    An exception could be raised anywhere, for instance in a callback from compiled code,
+    where Python can only drop it.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Deferred:
 
     @property
     def status(self) -> int:
-        """Return the exit status of the signal that came, 0 if none did."""
+        """Return the exit status of the received signal, 0 if there was none."""
         return 128 + self.signum if self.signum else 0
 
     def _note(self, signum: int, frame: FrameType | None) -> None:

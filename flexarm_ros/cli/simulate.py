@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm simulate``: fly a scenario in one process, without ROS."""
+"""``flexarm simulate``: simulate a scenario in one process, without ROS."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'simulate',
-        help='fly a scenario in one process, without ROS',
-        description='Fly SCENARIO (a file or the name of a shipped one) in this process: the same '
-        'numbers, the same files as `flexarm run`, no ROS needed.',
+        help='simulate a scenario in one process, without ROS',
+        description='Simulate SCENARIO (a file or the name of a shipped one) in this process. '
+        'Numbers and files are those of `flexarm run`, but ROS is not needed.',
         epilog='Exit status: 0; 1 if the arm becomes unstable; 2 for a bad scenario.',
     )
     parser.add_argument(
@@ -48,20 +48,20 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument(
         '--set', dest='overrides', action='append', default=[], metavar='NODE.KEY=VALUE',
-        help='override a parameter; repeats; the value is YAML; without a node: the whole run',
+        help='override a parameter; may repeat; VALUE is YAML; without NODE: the run as a whole',
     )  # fmt: skip
     parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='directory of the run (default: runs/NAME)'
+        '--out', type=Path, metavar='DIR', help='output directory (default: runs/NAME)'
     )
     parser.add_argument('--no-bag', action='store_true', help='write no bag, only the other files')
-    parser.add_argument('--no-pictures', action='store_true', help='write no pictures')
+    parser.add_argument('--no-pictures', action='store_true', help='write no figures')
     parser.add_argument(
-        '--list-laws', action='store_true', help='print the names of the control laws and leave'
+        '--list-laws', action='store_true', help='print the names of the control laws and exit'
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly the scenario; 0, 1 if it is unstable, 130, 143 or 129 after a signal."""
+    """Simulate the scenario; return 0, 1 if unstable, 130, 143 or 129 after a signal."""
     if args.list_laws:
         return _list_laws()
     if args.scenario is None:
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
 def _without_bag(
     config: RunConfig, directory: Path, name: str, watch: Watch, stop: Callable[[], bool]
 ) -> dict[str, Any]:
-    """Fly a scenario and write ``trajectory.csv`` and ``summary.json`` as it goes."""
+    """Simulate without a bag, writing ``trajectory.csv`` and ``summary.json`` during the run."""
     from flexarm_ros.bag import outputs
     from flexarm_ros.bag.provenance import Provenance
     from flexarm_ros.bag.recording import prepare_directory

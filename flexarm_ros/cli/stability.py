@@ -29,28 +29,28 @@ if TYPE_CHECKING:
 
 MOST_SEARCHED_S = 1.0
 MOST_EIGENVALUES = 6
-"""Eigenvalues, pairs counted once, that are printed for a gain."""
+"""Number of eigenvalues printed per gain; a conjugate pair counts once."""
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'stability',
-        help='eigenvalues and margins of the sampled loop',
+        help='print eigenvalues and margins of the sampled loop',
         description='Linearise the closed loop of SCENARIO (a file or the name of a shipped one) '
-        'about rest at poses along its trajectory - held torques, exact delay - and give, for '
-        'each, the largest eigenvalue a tick, the range of gains and the latency at which the '
-        'loop stops being stable. For fls the gain is K_s lambda: at rest, halfway and at its '
-        'largest. Gains of lqg and adaptive are frozen at the time of the pose; what a law '
-        'believes of the latency stays while the latency is varied. These two and passive take '
-        'some ten seconds a pose.',
+        'about rest at poses along its trajectory, with zero-order-hold torques and the exact '
+        'delay. For each pose, print the largest eigenvalue per tick, the range of stable gains '
+        'and the latency at which stability is lost. For fls the gain is K_s lambda: at rest, '
+        'halfway and at its largest. Gains of lqg and adaptive are frozen at the time of the '
+        "pose; the law's own estimate of the latency stays fixed while the latency is varied. "
+        'These two laws and passive take about ten seconds a pose.',
         epilog='Exit status: 0 (stable or not); 2 for a bad scenario, or a law without a linear '
         'form.',
     )
     parser.add_argument('scenario', metavar='SCENARIO', help="a file or a shipped scenario's name")
     parser.add_argument(
         '--set', action='append', default=[], dest='overrides', metavar='NODE.KEY=VALUE',
-        help='another value for a parameter; may repeat',
+        help='override a parameter; may repeat',
     )  # fmt: skip
     parser.add_argument(
         '--elbow', type=_finite, nargs='+', metavar='RAD',
@@ -58,18 +58,18 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--gain', type=_positive, nargs='+', metavar='G',
-        help="factors of J^T (Kp e + Kd e'), K_s lambda of fls (default: fls 1/6, 1/2 and 5/6 of "
-        'K_s; otherwise the law as it is)',
+        help="gains on J^T (Kp e + Kd e'), K_s lambda for fls (default: for fls 1/6, 1/2 and 5/6 "
+        'of K_s; otherwise that of the law)',
     )  # fmt: skip
     parser.add_argument(
         '--max-latency', type=_latency, default=0.06, metavar='S',
-        help='how far to search for the crossing delay, s (default 0.06)',
+        help='upper limit of the search for the crossing delay, s (default 0.06)',
     )  # fmt: skip
     parser.add_argument(
         '--integrator', choices=('exact', 'rk4'), default='exact',
-        help="the arm between ticks: exactly, or by the plant's own integrator steps",
+        help="motion between ticks: exact, or by the plant's integration steps",
     )  # fmt: skip
-    parser.add_argument('--json', action='store_true', help='one JSON object instead of a table')
+    parser.add_argument('--json', action='store_true', help='print JSON instead of a table')
 
 
 def _finite(text: str) -> float:
@@ -97,7 +97,7 @@ def _latency(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the analysis; returns 0."""
+    """Print the analysis; return 0."""
     from flexarm_ros.scenario import load
     from flexarm_ros.stability.margins import analyse, Pose, poses_along
 
@@ -126,7 +126,7 @@ def _default_gains(config: RunConfig) -> list[float | None]:
 
 
 def _read(config: RunConfig) -> tuple[str, str]:
-    """Return the sensor whose latency is varied, and where the law's rates come from."""
+    """Return the sensor whose latency is varied and the source of the law's rates."""
     from flexarm_ros.core.control import PLANNING
     from flexarm_ros.stability.sampled_loop import sensor_of
 
@@ -155,7 +155,7 @@ def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
 
 
 def _by_gain(found: list[PoseStability]) -> list[dict[str, Any]]:
-    """Return the worst of all poses for each gain, in the order of the analysis."""
+    """Return the worst case over all poses for each gain, in the order of the analysis."""
     result = []
     for gain in dict.fromkeys(one.gain for one in found):
         poses = [one for one in found if one.gain == gain]
@@ -247,7 +247,7 @@ def _modulus(one: PoseStability) -> float:
 
 
 def _eigenvalues(one: PoseStability) -> str:
-    """Return the largest eigenvalues a tick at a pose; a pair counts once."""
+    """Return the largest eigenvalues per tick at a pose; a conjugate pair counts once."""
     upper = [value for value in one.eigenvalues if value.imag >= 0.0]
     shown = [
         f'{value.real:.6f}' + (f'+-{value.imag:.6f}j' if value.imag else '')

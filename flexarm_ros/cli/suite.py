@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm suite``: fly many scenarios and check what is expected of them."""
+"""``flexarm suite``: run many scenarios and check their expectations."""
 
 from __future__ import annotations
 
@@ -35,29 +35,29 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'suite',
-        help='fly many scenarios and check what is expected of them',
-        description='Fly every case of SUITE (a file or the name of a shipped one), each in its '
+        help='run many scenarios and check their expectations',
+        description='Run every case of SUITE (a file or the name of a shipped one), each in its '
         'own ROS domain and processes, and check its expectations, comparisons and claims.',
     )
     parser.add_argument(
         'suite', metavar='SUITE.yaml', help='a file or the name of a shipped suite'
     )
     parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='directory of the runs (default: runs/SUITE)'
+        '--out', type=Path, metavar='DIR', help='output directory (default: runs/SUITE)'
     )
     parser.add_argument('--junit', type=Path, metavar='FILE', help='write JUnit XML')
     parser.add_argument(
-        '--jobs', type=_count, metavar='N', help='cases side by side (default: as cores allow)'
+        '--jobs', type=_count, metavar='N', help='concurrent cases (default: from the cores)'
     )
     parser.add_argument(
         '--mode', choices=('run', 'compose', 'simulate'),
-        help='fly every case so, whatever the suite says',
+        help='run every case in this mode, overriding the suite',
     )  # fmt: skip
     add_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the suite; 0 where all holds, 1 otherwise, 130, 143 or 129 after a signal."""
+    """Run the suite; return 0 if it passed, 1 if not, 130, 143 or 129 after a signal."""
     from flexarm_ros.cli.output import new_directory
     from flexarm_ros.cli.suite_table import print_result, SuiteTable
     from flexarm_ros.launcher.junit import write_junit
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _flown(case: Case, mode: str) -> Case:
-    """Return ``case`` in another mode; one with faults needs its processes."""
+    """Return ``case`` in another mode; UsageError for a case with faults, which needs ``run``."""
     if case.faults and mode != 'run':
         raise UsageError(f'--mode {mode}: case {case.name} has faults, which need mode run')
     return replace(case, mode=mode)

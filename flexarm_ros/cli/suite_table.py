@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A suite on the terminal: a live table while it runs, the verdicts at its end."""
+"""A suite on the terminal: a live table during the run, the verdicts at the end."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MOST_VALUES = 4
 
 
 class SuiteTable:
-    """Shows each case's state: a table on a terminal, a line a change of state elsewhere."""
+    """Shows each case's state: a table on a terminal, else one line per change of state."""
 
     def __init__(self, suite: Suite) -> None:
         self._states = {case.name: 'waiting' for case in suite.cases}
@@ -41,7 +41,7 @@ class SuiteTable:
         self._live: Any = None
 
     def update(self, case: Case, text: str) -> None:
-        """Set the state of a case; called from several threads."""
+        """Set the state of a case; thread-safe."""
         with self._lock:
             if self._states[case.name] == text:
                 return
@@ -56,7 +56,7 @@ class SuiteTable:
         from rich.text import Text
 
         table = Table('case', 'state')
-        for name, state in self._states.items():  # as Text: a name may have brackets, no markup
+        for name, state in self._states.items():  # as Text: brackets in a name are not markup
             table.add_row(Text(name), Text(state))
         return table
 
@@ -82,7 +82,7 @@ class SuiteTable:
 
 
 def print_result(result: SuiteResult) -> None:
-    """Print the table of metrics, what failed, the comparisons and the claims."""
+    """Print the table of metrics, the failures, the comparisons and the claims."""
     _print_cases(result.cases)
     for case in result.cases:
         for outcome in case.outcomes:
@@ -125,7 +125,7 @@ def _result(case: CaseResult) -> str:
 
 
 def _short(value: Any) -> Any:
-    """Return a list's first values: a long flight switches direction hundreds of times."""
+    """Return a list's first values: a long run has hundreds of switches of direction."""
     return value[:_MOST_VALUES] if isinstance(value, list) else value
 
 

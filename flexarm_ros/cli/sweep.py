@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm sweep``: many scenarios in parallel, one table."""
+"""``flexarm sweep``: run a parameter sweep in parallel into one table."""
 
 from __future__ import annotations
 
@@ -38,31 +38,30 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'sweep',
-        help='many scenarios in parallel, one table',
-        description='Fly every run of SWEEP (a file or the name of a shipped one) in processes of '
-        'this machine, or on a Dask cluster, and write one table and pictures. A run is '
-        'stable if it reached its end, which proves no more than that. Over two parameters the '
-        'pictures, and linear.csv, also have where the loop about rest is stable by the linear '
-        'analysis of `flexarm stability`. '
-        'A sweep that was cut off goes on when it is started again with the same --out.',
-        epilog='Exit status: 0; 1 if a run failed for another reason than being unstable; '
+        help='run a parameter sweep in parallel into one table',
+        description='Execute every run of SWEEP (a file or the name of a shipped one) in local '
+        'processes or on a Dask cluster, and write one table and figures. Here stable means only '
+        'that the run reached its end. For two parameters the figures and linear.csv also show '
+        'the stability boundary about rest from the linear analysis of `flexarm stability`. '
+        'An interrupted sweep continues when started again with the same --out.',
+        epilog='Exit status: 0; 1 if a run failed for another reason than instability; '
         '2 for a bad sweep; 130, 143 or 129 after a signal.',
     )
     parser.add_argument('sweep', metavar='SWEEP', help='a file or the name of a shipped sweep')
     parser.add_argument(
-        '--out', type=Path, metavar='DIR', help='directory of the sweep (default: runs/NAME)'
+        '--out', type=Path, metavar='DIR', help='output directory (default: runs/NAME)'
     )
     parser.add_argument(
-        '--workers', type=_workers, metavar='N', help='processes (default: one a core)'
+        '--workers', type=_workers, metavar='N', help='processes (default: one per core)'
     )
     parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='a Dask scheduler, tcp://HOST:PORT, instead'
+        '--scheduler', metavar='ADDRESS', help='use the Dask scheduler at tcp://HOST:PORT instead'
     )
-    parser.add_argument('--no-pictures', action='store_true', help='write no pictures')
+    parser.add_argument('--no-pictures', action='store_true', help='write no figures')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fly the sweep; 0, 1 if a run failed, 130, 143 or 129 after a signal."""
+    """Run the sweep; return 0, 1 if a run failed, 130, 143 or 129 after a signal."""
     from flexarm_ros.analysis.sweep.engine import EngineError
     from flexarm_ros.analysis.sweep.store import StoreError, SweepStore
     from flexarm_ros.cli.output import check_utf8, new_directory
@@ -99,7 +98,7 @@ def _processes(args: argparse.Namespace) -> int:
 
 
 def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop: Stop) -> None:
-    """Compute what is missing."""
+    """Execute the runs that have no result yet."""
     from flexarm_ros.cli.progress import CountProgress
 
     missing = store.missing()
@@ -117,7 +116,7 @@ def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop:
 
 
 def _finish(args: argparse.Namespace, sweep: Sweep, store: SweepStore, stop: Stop) -> None:
-    """Write table and pictures and print what came out."""
+    """Write the table and the figures, and print a summary."""
     table, files = store.write()
     if not args.no_pictures and not stop() and store.rows:
         files += _pictures(args, sweep, table, store, stop)

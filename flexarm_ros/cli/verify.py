@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm verify``: compute a recorded run anew and compare every message."""
+"""``flexarm verify``: recompute a recorded run and compare every message."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from flexarm_ros.core.run.parts import RECORDED_ROLES
 if TYPE_CHECKING:
     from flexarm_ros.bag.verify import Verdict
 
-_OTHER_SOURCE = 'recorded by other source, which may give other numbers:'
+_OTHER_SOURCE = 'recorded by other source code, which may give other numbers:'
 _OTHER_VERSIONS = 'recorded with other versions, which must give the same numbers:'
 
 
@@ -39,25 +39,25 @@ def add_parser(subparsers: Any) -> None:
         description="Recompute each RUN (a run's directory, the bag in it or the .mcap file) from "
         'the scenario in the bag (or --scenario), node by node from the recorded inputs and as a '
         'closed loop, and compare every recorded message byte for byte.',
-        epilog='What this version does not know of the scenario - a law, a section, a key - is '
-        'taken as recorded, as an external node is, and the rest is verified; nothing that a bag '
-        'names is imported. Exit status: 0 all the same; 1 something differs, '
-        'messages are missing, the bag is damaged though its run does not say that it broke off, '
+        epilog='A law, section or key of the scenario that this version does not know is taken as '
+        'recorded, like an external node, and the rest is verified; nothing that a bag names is '
+        'imported. Exit status: 0 if all messages match; 1 if one differs or is missing, '
+        'the bag is damaged although its run does not say that it broke off, '
         'or the bag cannot be read.',
     )
     parser.add_argument(
         'runs', metavar='RUN', nargs='+', type=Path,
-        help='output directory of a run, or its bag; of several, reports and sweeps are skipped',
+        help='output directory of a run, or its bag; reports and sweeps are skipped',
     )  # fmt: skip
     parser.add_argument(
         '--without', action='append', default=[], choices=RECORDED_ROLES, metavar='NODE',
-        help='NODE was external: take its messages as they are; repeats',
+        help='take the messages of NODE, an external node, as recorded; may repeat',
     )  # fmt: skip
     add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Verify the runs; 0 if all is the same, else 1."""
+    """Verify the runs; return 0 if all messages match, else 1."""
     if len(args.runs) == 1:
         return _verify(args, args.runs[0])
     statuses = [_one_of_several(args, path) for path in args.runs]
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _one_of_several(args: argparse.Namespace, path: Path) -> int | None:
-    """Verify one run, None if it is skipped; the others are verified if it cannot be read."""
+    """Verify one run, None if skipped; an unreadable bag does not stop the others."""
     from flexarm_ros.bag.errors import BagError
     from flexarm_ros.cli.output import skips
 
@@ -114,7 +114,7 @@ def _show(verdict: Verdict) -> None:
         if not verdict.source_known:
             print(
                 'the run may have had another scenario (--scenario, --set), external nodes '
-                '(--without NODE) or other source'
+                '(--without NODE) or other source code'
             )
         elif not verdict.other_source:
             print('the source is the same: the bag was changed, or this is a fault of flexarm_ros')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm view``: show a run while it goes on."""
+"""``flexarm view``: show a running simulation in a browser."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'view',
-        help='live view of a run in a browser',
-        description='Show the run that goes on in a ROS domain: a WebSocket server for Foxglove '
-        'and Lichtblick, and markers, URDF and TF for RViz. The run does not wait for it. It '
-        "learns the arm from the run's nodes; a replay has none, so give its SCENARIO.",
+        help='show a running simulation in a browser',
+        description='Show a run in a ROS domain: a WebSocket server for Foxglove and Lichtblick, '
+        'and markers, URDF and TF for RViz. The run does not wait for the viewer. The arm is '
+        "read from the run's nodes; a replay has none and needs its SCENARIO.",
         epilog='For example: `flexarm view --domain 7`, and elsewhere `flexarm run fls_tip '
         '--domain 7 --rtf 1`. Ctrl-C ends it.',
     )
@@ -43,7 +43,7 @@ def add_parser(subparsers: Any) -> None:
     namespace.add_option(parser, 'namespace of the arm')
     parser.add_argument(
         '--port', type=int, default=8765, choices=range(65536), metavar='P',
-        help='port of the WebSocket server (default %(default)s; 0: a free one)',
+        help='port of the WebSocket server (default %(default)s; 0: any free port)',
     )  # fmt: skip
     parser.add_argument(
         '--host', default='127.0.0.1', metavar='ADDRESS',
@@ -51,15 +51,15 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--rate', type=float, default=30.0, metavar='HZ',
-        help='frames a second at most (default %(default)g)',
+        help='highest frame rate, 1/s (default %(default)g)',
     )  # fmt: skip
     parser.add_argument(
-        '--no-server', action='store_true', help='markers, URDF and TF only: needs no foxglove-sdk'
+        '--no-server', action='store_true', help='markers, URDF and TF only; needs no foxglove-sdk'
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the run until a signal; 130, 143 or 129 then, 2 where that cannot be."""
+    """Show the run until a signal; return 130, 143 or 129, or 2 if it cannot be shown."""
     if importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed: run `make env`, or source a ROS 2 installation')
     words = _words(args)
