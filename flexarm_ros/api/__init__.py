@@ -13,8 +13,8 @@
 # limitations under the License.
 
 """
-What notebooks and scripts use: runs, pictures, linear models, an environment for learning.
+The Python API: runs, figures, linear models, a Gymnasium environment.
 
-The outermost layer beside the command line; ROS is not needed.  Use the names through
+Like the command line, an outermost layer; ROS is not needed.  Use the names through
 ``import flexarm_ros as fa``; those listed in ``flexarm_ros.__all__`` are stable.
 """

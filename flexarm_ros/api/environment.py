@@ -34,7 +34,7 @@ with extra('gymnasium'):
 
 SEEDS = 2**31 - 1
 TORQUE = 1024.0
-"""Torque, N m, of an action of 1 where neither the caller nor the scenario gives a limit."""
+"""Torque, N m, of an action of 1 if neither the caller nor the scenario sets a limit."""
 
 HOLD_SPEC = Spec('int', 'ticks', '', low=1)
 TORQUE_SPEC = Spec('float', 'N m', '', low=0.0, low_open=True, high=1e9)
@@ -44,29 +44,28 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
     """
     A scenario whose controller is the agent.
 
-    ``gymnasium.make('flexarm_ros/Square-v0')`` makes one too, and takes the same arguments.
+    Also created by ``gymnasium.make('flexarm_ros/Square-v0')``, with the same arguments.
 
-    Observation, shape ``(14,)``, as the nodes would deliver it at this tick, latency and noise
-    included: encoder (theta1, theta2, their rates; rad, rad/s), tip sensor (x, y, vx, vy),
-    reference (x, y, vx, vy), end deflections (delta1, delta2); m, m/s, frame ``base``.
+    Observation, shape ``(14,)``, as delivered to the nodes at this tick, with latency and noise:
+    encoder (theta1, theta2 and rates; rad, rad/s), tip sensor (x, y, vx, vy), reference
+    (x, y, vx, vy), end deflections (delta1, delta2); m, m/s, frame ``base``.
 
-    Action, shape ``(2,)``, from -1 to 1 and clipped to that: tau1 and tau2 as parts of
-    ``torque`` N m, held for ``hold`` ticks.  Reward: minus the mean distance, m, of the end
-    effector (kinematics of the joint angles, as ``rms_error``) from the reference over those
-    ticks.  An arm that becomes unstable ends the episode (terminated), and pays the larger
-    ``plant.deflection_limit`` (5 m for the paper's arm) for every step that is left; the
-    scenario's duration truncates it.
+    Action, shape ``(2,)``, clipped to -1 to 1: tau1 and tau2 as fractions of ``torque`` N m, held
+    for ``hold`` ticks.  Reward: the negative mean distance, m, of the end effector (kinematics of
+    the joint angles, as ``rms_error``) from the reference over those ticks.  Instability ends
+    the episode (terminated) and costs the larger ``plant.deflection_limit`` (5 m for the
+    paper's arm) for each remaining step; the scenario's duration truncates it.
 
     Parameters
     ----------
     scenario
         As for :func:`flexarm_ros.simulate`; its control law is not used.
     hold
-        Ticks an action is held for.
+        Number of ticks for which an action is held.
     torque
-        N m of an action of 1; left out, ``controller.torque_limit``, or 1024 where that is 0.
+        N m of an action of 1; default ``controller.torque_limit``, or 1024 if that is 0.
     render_mode
-        ``rgb_array``: :meth:`render` draws the arm.  Left out: it draws nothing.
+        ``rgb_array``: :meth:`render` draws the arm.  Default: no rendering.
     **changes
         Sections and values as for :func:`flexarm_ros.simulate`.
 
@@ -95,10 +94,11 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
         """
-        Start anew; the noise is drawn by ``seed``.
+        Start a new episode; ``seed`` seeds the noise.
 
-        ``options`` are sections and values as for :func:`flexarm_ros.simulate` that hold for this
-        episode: ``options={"plant": {"payload_mass": 1.5}}``.  Others raise ``ScenarioError``.
+        ``options`` are sections and values as for :func:`flexarm_ros.simulate`, for this
+        episode only: ``options={"plant": {"payload_mass": 1.5}}``.  Others raise
+        ``ScenarioError``.
         """
         super().reset(seed=seed)
         noise = int(self.np_random.integers(SEEDS))
@@ -109,8 +109,8 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         """
         Hold the torques for ``hold`` ticks.
 
-        Raises ``gymnasium.error.ResetNeeded`` before the first reset and after an episode's end,
-        ``InvalidAction`` for an action that is not two numbers.
+        Raises ``gymnasium.error.ResetNeeded`` before the first reset and after the end of an
+        episode, ``InvalidAction`` for an action that is not two numbers.
         """
         episode = self._begun('step')
         if episode.ended:
@@ -123,7 +123,7 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         return observed, reward, True, False, {**info, 'unstable': episode.unstable}
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return the arm and its reference as they are, shape ``(480, 480, 3)``."""
+        """Return an image of the arm and its reference, shape ``(480, 480, 3)``."""
         if self.render_mode is None:
             gymnasium.logger.warn("render: make the environment with render_mode='rgb_array'")
             return None
@@ -135,7 +135,7 @@ class FlexArmEnv(gymnasium.Env[FloatArray, FloatArray]):
         return self._episode
 
     def _torques(self, action: ArrayLike) -> FloatArray:
-        """Return an action's torques, N m."""
+        """Return the torques of an action, N m."""
         try:
             given = np.asarray(action, float)
         except (TypeError, ValueError):

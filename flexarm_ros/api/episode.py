@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arm, its sensors and its task for one episode of an agent; Gymnasium is not needed."""
+"""The arm, its sensors and its task for one episode; does not need Gymnasium."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from numpy.typing import NDArray
 CHANGES = tuple(
     name for name in inspect.signature(configure).parameters if name not in ('scenario', 'torques')
 )
-"""What may be changed for the environment or for an episode; the torques are the agent's."""
+"""Sections that the environment or an episode may change; the agent sets the torques."""
 
 
 def changed(scenario: Scenario, changes: dict[str, Any]) -> RunConfig:
-    """Return the scenario with its changes; an unknown one raises ``ScenarioError``."""
+    """Return the scenario with the changes; ``ScenarioError`` for an unknown section or key."""
     for name in changes:
         if name not in CHANGES:
             raise ScenarioError(f'{name!r} is not known; allowed: {", ".join(CHANGES)}')
@@ -52,8 +52,7 @@ class Episode:
     """
     A scenario's closed loop without its controller.
 
-    ``tick`` of ``ticks`` have passed; ``unstable`` says of what the arm became unstable, or is
-    None.
+    ``tick`` of ``ticks`` are completed; ``unstable`` is the reason of instability, or None.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -72,12 +71,12 @@ class Episode:
 
     @property
     def over(self) -> bool:
-        """Return whether every tick has passed."""
+        """Return whether every tick is completed."""
         return self.tick >= self.ticks
 
     @property
     def ended(self) -> bool:
-        """Return whether nothing can follow: all ticks have passed, or the arm is unstable."""
+        """Return whether the episode has ended: all ticks completed, or the arm unstable."""
         return self.over or self.unstable is not None
 
     def advance(self, torques: FloatArray, ticks: int) -> list[float]:
@@ -95,13 +94,13 @@ class Episode:
         return errors
 
     def observe(self) -> FloatArray:
-        """Return what the environment's agent sees, shape ``(14,)``, always finite."""
+        """Return the observation, shape ``(14,)``, always finite."""
         ends = self._plant.deflections()[:2]
         values = np.array([*self._held, *self._reference.command(self.tick), *ends])
         return np.asarray(np.nan_to_num(values))
 
     def picture(self) -> NDArray[np.uint8]:
-        """Return the arm and its reference as they are, shape ``(480, 480, 3)``."""
+        """Return an image of the arm and its reference, shape ``(480, 480, 3)``."""
         line = ArmLine(self._config.plant)
         points = np.nan_to_num(np.array(line.at(self._plant.q, self._plant.qd)))
         target = np.array(self._reference.at(self.tick)[:2])
@@ -109,7 +108,7 @@ class Episode:
         return frame(points, line.elbow, target, sum(self._config.plant.length), title)
 
     def _measure(self) -> None:
-        """Let the sensors answer this tick, as they must once a tick."""
+        """Sample the sensors, exactly once per tick."""
         q, qd = self._plant.q, self._plant.qd
         encoder, tip = self._encoder.measure(self.tick, q, qd), self._tip.measure(self.tick, q, qd)
         self._held = (*encoder[1:], *tip[1:])

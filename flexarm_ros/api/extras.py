@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A plain word where an optional library is missing."""
+"""A clear error for a missing optional library."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def extra(name: str) -> Iterator[None]:
-    """Turn a failing import within into an ImportError that names the extra to install."""
+    """Turn a failed import in the block into an ImportError that names the extra to install."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The ids that ``gymnasium.make`` knows: ``flexarm_ros/Square-v0`` and the others of ``IDS``.
+The ids for ``gymnasium.make``: ``flexarm_ros/Square-v0`` and the others of ``IDS``.
 
-Gymnasium 1.0 has dropped the entry points that environments were found by, so that the import of
-this package registers them.  Gymnasium is not imported for that: where it is not there yet, the
-ids are registered once it is.
+Gymnasium 1.0 dropped entry points for environments, so importing this package registers the
+ids.  It does not import Gymnasium: if that is not imported yet, the ids are registered when it
+is.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ IDS = {
     'SquarePhysicalDelay-v0': 'fls_tip_physical',
     'SquareElastic-v0': 'fls_tip_elastic',
 }
-"""Name in the namespace ``flexarm_ros`` -> the scenario; ``make`` may give another."""
+"""Name in the namespace ``flexarm_ros`` -> default scenario of ``make``."""
 
 GYMNASIUM = 'gymnasium'
 
 
 def register_ids() -> None:
-    """Register the ids now if Gymnasium is imported, else when it will be."""
+    """Register the ids now if Gymnasium is imported, else once it is."""
     if GYMNASIUM in sys.modules:
         _register(sys.modules[GYMNASIUM])
     else:
@@ -47,9 +47,9 @@ def register_ids() -> None:
 
 
 def _register(gymnasium: ModuleType) -> None:
-    """Register each id that is not known yet."""
+    """Register the ids that are not registered yet."""
     register = getattr(gymnasium, 'register', None)
-    if register is None:  # not installed, or half imported by the program that imports us
+    if register is None:  # not installed, or partially imported
         return
     for name, scenario in IDS.items():
         if f'flexarm_ros/{name}' not in gymnasium.registry:
@@ -61,10 +61,10 @@ def _register(gymnasium: ModuleType) -> None:
 
 
 class _WhenImported:
-    """Finds Gymnasium as the other finders do, and registers the ids after its import."""
+    """An import finder that registers the ids after the import of Gymnasium."""
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """Return Gymnasium's spec with a loader that registers; None for any other module."""
+        """Return Gymnasium's spec with a registering loader; None for any other module."""
         if name != GYMNASIUM:
             return None
         sys.meta_path.remove(self)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``fa.linearize`` and ``fa.linear_law``: the loop's two halves for python-control."""
+"""``fa.linearize`` and ``fa.linear_law``: arm and control law for python-control."""
 
 from __future__ import annotations
 
@@ -46,25 +46,26 @@ def linearize(
     **changes: Any,
 ) -> control.StateSpace:
     """
-    Return the arm about a pose, with sensors and their delays, as a StateSpace.
+    Return the arm linearised about a pose, with sensors and delays, as a StateSpace.
 
     Inputs are the joint torques, N m; outputs are deviations from the pose, at rest with straight
-    links.  In discrete time, one step a tick, the model is exact: torques held, the delay as it
-    is flown.  Noise, counts and speed are not in it.
+    links.  The discrete-time model, one step per tick, is exact: zero-order-hold torques, and
+    the delay as simulated.  Noise, encoder resolution and motion of the pose are left out.
 
     Parameters
     ----------
     scenario
         As for :func:`flexarm_ros.simulate`.
     theta2, theta1
-        The pose, rad; left out, the scenario's start.
+        The pose, rad; default the scenario's start.
     outputs
         ``feedback``: the sensor that closes the scenario's loop.  ``encoder``: both angles and
         their rates, as delivered.  ``tip_sensor``: x, y, vx, vy in frame ``base``, as delivered.
         ``deflection``: delta1 and delta2.  ``state``: the plant's coordinates and rates.
-        ``law``: what :func:`linear_law` takes.  ``all``: everything.
+        ``law``: the inputs of :func:`linear_law`.  ``all``: all outputs.
     continuous
-        In continuous time, every delay a second-order Pade approximation as in the paper.
+        Return a continuous-time model, each delay a second-order Pade approximation as in the
+        paper.
     **changes
         Sections and values as for :func:`flexarm_ros.simulate`,
         ``tip_sensor={"latency": 0.0312}``.
@@ -98,12 +99,12 @@ def linear_law(
     scenario: Scenario, theta2: float | None = None, theta1: float | None = None, **changes: Any
 ) -> control.StateSpace:
     """
-    Return the scenario's control law about rest at a pose as a discrete StateSpace.
+    Return the scenario's control law, linearised about rest at a pose, as a discrete StateSpace.
 
-    Its inputs are the outputs of ``linearize(..., outputs="law")``, its outputs the torques, with
-    their sign: ``control.feedback(arm, law, sign=1)`` is the closed loop, whose poles are what
-    ``flexarm stability`` prints.  For the fuzzy law it holds at lambda(0, 0) = 1/6, for ``lqg``
-    and ``adaptive`` with the gains of the last time at which the plan has the elbow angle.
+    Inputs are the outputs of ``linearize(..., outputs="law")``, outputs the torques with their
+    sign: ``control.feedback(arm, law, sign=1)`` is the closed loop, whose poles are those of
+    ``flexarm stability``.  The fuzzy law is linearised at lambda(0, 0) = 1/6, ``lqg`` and
+    ``adaptive`` with the gains of the last time at which the plan has the elbow angle.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Numbers that a caller gives: within their range, or an error that says what is allowed."""
+"""Checks of numeric arguments: in range, or an error that says what is allowed."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ import numpy as np
 
 def within(name: str, value: Any, spec: Spec) -> float:
     """
-    Return a number; its kind, ``float`` or ``int``, and its range are those of ``spec``.
+    Return a number of the kind (``float`` or ``int``) and within the range of ``spec``.
 
-    Raises ``ValueError``, naming the argument, the value and what is allowed.
+    Raises ``ValueError``, which names the argument, the value and what is allowed.
     """
     kinds: tuple[type, ...] = (int, np.integer)
     if spec.kind != 'int':
@@ -44,9 +44,9 @@ def within(name: str, value: Any, spec: Spec) -> float:
 
 def finite_array(name: str, value: Any, shape: tuple[int, ...], what: str) -> FloatArray:
     """
-    Return an array of finite numbers, shape ``shape``, in which -1 stands for 1 or more.
+    Return an array of finite numbers with the given shape, in which -1 means at least 1.
 
-    Raises ``ValueError``, naming the argument, the value and what is allowed.
+    Raises ``ValueError``, which names the argument, the value and what is allowed.
     """
     try:
         array = np.asarray(value, dtype=float)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``fa.plot`` and ``fa.report``: pictures and the HTML page of one run or of several."""
+"""``fa.plot`` and ``fa.report``: figures and the HTML page of one or several runs."""
 
 from __future__ import annotations
 
@@ -36,47 +36,47 @@ KINDS = ('paths', 'corners', 'signals', 'fls')
 
 
 class RunData(Protocol):
-    """A run as far as pictures show it; `flexarm_ros.Run` is one."""
+    """The part of a run that figures need; implemented by `flexarm_ros.Run`."""
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """Name of the scenario."""
 
     @property
     def directory(self) -> Path | None:
-        """Where its files are, if anywhere."""
+        """Directory of the run's files, or None."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """As in ``summary.json``."""
+        """Content of ``summary.json``."""
 
     @property
     def scenario(self) -> Mapping[str, Mapping[str, Any]]:
-        """Every parameter, by section."""
+        """Parameters by section."""
 
     @property
     def trajectory(self) -> NDArray[np.void]:
-        """The rows of ``trajectory.csv``, a field a column."""
+        """Rows of ``trajectory.csv`` as a structured array."""
 
 
 def plot(runs: RunData | Sequence[RunData], kind: str = 'paths') -> Figure:
     """
-    Draw one run, or several over one another, and return the matplotlib figure.
+    Draw one run, or several overlaid, and return the matplotlib figure.
 
     Parameters
     ----------
     runs
-        A run or several; in one picture stand those of one law and one place of the sensor.
+        One run or several; a figure shows runs of one law and one sensor location.
     kind
         ``paths``: the end effector's path and its reference.  ``corners``: the transients where
-        the reference switches its direction.  ``signals``: error, deflections, torques and
-        lambda over time, of the first law and place among the runs.  ``fls``: membership
-        functions, surface, and where the runs used it.
+        the reference changes direction.  ``signals``: error, deflections, torques and lambda
+        over time, for the first law and sensor location of the runs.  ``fls``: membership
+        functions, surface, and the part of it used by the runs.
 
     Raises
     ------
     ValueError
-        For an unknown kind, or one that the runs cannot show.
+        For an unknown kind, or one that the runs have no data for.
 
     """
     if kind not in KINDS:
@@ -111,14 +111,14 @@ def report(runs: RunData | Sequence[RunData], path: str | os.PathLike[str]) -> P
     """
     Write the self-contained HTML page of some runs to ``path`` and return it.
 
-    The page is that of ``flexarm report``: interactive, and it needs no network.
+    The page is that of ``flexarm report``: interactive, and it works offline.
 
     Parameters
     ----------
     runs
-        A run or several.
+        One run or several.
     path
-        The file to write; replaced where it exists.
+        The file to write; an existing one is replaced.
 
     """
     from flexarm_ros.analysis.report.page import render
@@ -130,7 +130,7 @@ def report(runs: RunData | Sequence[RunData], path: str | os.PathLike[str]) -> P
 
 
 def _as_read(runs: RunData | Sequence[RunData]) -> list[read.Run]:
-    """Return runs as the pictures take them."""
+    """Convert the runs to those of the report."""
     some = list(runs) if isinstance(runs, Sequence) else [runs]
     if not some:
         raise ValueError('runs: none given')
@@ -146,7 +146,7 @@ def _as_read(runs: RunData | Sequence[RunData]) -> list[read.Run]:
 
 
 def _shown(figure: Figure) -> Figure:
-    """Let notebooks show a figure that pyplot does not know of."""
+    """Make a figure without pyplot displayable in notebooks."""
 
     def png() -> bytes:
         buffer = io.BytesIO()
@@ -162,10 +162,10 @@ def frame(
     arm: FloatArray, elbow: int, target: FloatArray, reach: float, title: str
 ) -> NDArray[np.uint8]:
     """
-    Draw the arm at one instant and return the picture, shape ``(480, 480, 3)``.
+    Draw the arm at one instant and return the image, shape ``(480, 480, 3)``.
 
-    ``arm`` are the points along it, shape ``(n, 2)``, the elbow number ``elbow``; ``target`` the
-    reference, x and y; ``reach`` the length of the whole arm; m, frame ``base``.
+    ``arm`` has the points along the arm, shape ``(n, 2)``, with the elbow at index ``elbow``;
+    ``target`` is the reference x and y; ``reach`` the length of the arm; m, frame ``base``.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A run in memory: its rows, its summary, and other libraries' forms of them."""
+"""A run in memory: its rows, its summary, and conversions for other libraries."""
 
 from __future__ import annotations
 
@@ -49,23 +49,23 @@ MEANINGS = {
     'theta2': 'tangent of link 2 at the elbow, from the tangent at the end of link 1',
     'dtheta1': 'rate of theta1',
     'dtheta2': 'rate of theta2',
-    'delta1': 'end deflection of link 1, to the left positive',
-    'delta2': 'end deflection of link 2, to the left positive',
+    'delta1': 'end deflection of link 1, positive to the left',
+    'delta2': 'end deflection of link 2, positive to the left',
     'elbow_x': 'elbow, with deflection',
     'elbow_y': 'elbow, with deflection',
     'tip_x': 'tip, with deflection',
     'tip_y': 'tip, with deflection',
-    'rigid_x': 'end effector by the kinematics of the joint angles',
-    'rigid_y': 'end effector by the kinematics of the joint angles',
-    'meas_x': 'what the tip sensor delivered',
-    'meas_y': 'what the tip sensor delivered',
+    'rigid_x': 'end effector from the rigid kinematics of the joint angles',
+    'rigid_y': 'end effector from the rigid kinematics of the joint angles',
+    'meas_x': 'measurement of the tip sensor as delivered',
+    'meas_y': 'measurement of the tip sensor as delivered',
     'ref_x': 'reference, not delayed',
     'ref_y': 'reference, not delayed',
     'tau1': 'torque at the shoulder, held for a tick',
     'tau2': 'torque at the elbow, held for a tick',
-    'lambda': "the fuzzy law's gain",
+    'lambda': 'gain of the fuzzy law',
 }
-"""What each column is; frame ``base``, angles counter-clockwise."""
+"""Description of each column; frame ``base``, angles counter-clockwise."""
 
 SHOWN = ('stable', 'rms_error', 'max_error', 'max_overshoot', 'max_deflection', 'max_torque')
 
@@ -85,15 +85,15 @@ class Run:
     Attributes
     ----------
     name
-        Of the scenario, or of the directory that was read.
+        Name of the scenario, or of the directory that was read.
     trajectory
         A NumPy structured array, shape ``(ticks,)``, one row a tick, with the columns of
         ``trajectory.csv`` as fields: ``run.trajectory["theta1"]``.  Seconds, rad, m, N m.
     summary
-        ``summary.json`` as a dict: metrics, versions, every parameter; None where a number is not
-        finite or not known.
+        ``summary.json`` as a dict: metrics, versions, every parameter; None for a number that
+        is unknown or not finite.
     directory
-        Where its files are, or None.
+        Directory of the run's files, or None.
 
     """
 
@@ -104,7 +104,7 @@ class Run:
 
     @property
     def stable(self) -> bool | None:
-        """Whether the arm stayed stable; None for a run that was broken off."""
+        """Whether the arm stayed stable; None for an interrupted run."""
         stable: bool | None = self.summary.get('stable')
         return stable
 
@@ -119,7 +119,7 @@ class Run:
         return np.stack([self.trajectory[name] for name in COLUMNS], axis=-1)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the rows as a frame with the time ``t``, s, as its index (needs pandas)."""
+        """Return the rows as a DataFrame indexed by the time ``t``, s (needs pandas)."""
         with extra('pandas'):
             import pandas
 
@@ -129,7 +129,7 @@ class Run:
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the rows over the coordinate ``t``, with units and meanings (needs xarray)."""
+        """Return the rows over the coordinate ``t``, with units, descriptions (needs xarray)."""
         with extra('xarray'):
             import xarray
 
@@ -160,7 +160,7 @@ class Run:
         return f'<Run {self.name}: {len(self.trajectory)} ticks, {values}>'
 
     def _repr_html_(self) -> str:
-        """Return the metrics as a small table; notebooks show that."""
+        """Return the metrics as a small table for notebooks."""
         rows = ''.join(
             f"<tr><th scope='row'>{key}</th><td>{_brief(self.summary.get(key))}</td></tr>"
             for key in ('ticks', *SHOWN)
@@ -170,7 +170,7 @@ class Run:
 
 def load(path: str | os.PathLike[str]) -> Run:
     """
-    Read a run back from its output directory or its bag.
+    Read a run from its output directory or its bag.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def load(path: str | os.PathLike[str]) -> Run:
     Raises
     ------
     RunError
-        Where ``path`` is not a run, or cannot be read.
+        If ``path`` is not a run, or cannot be read.
 
     """
     from flexarm_ros.analysis.report.runs import load_run

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``fa.configure`` and ``fa.simulate``: a scenario from Python, flown in this process."""
+"""``fa.configure`` and ``fa.simulate``: configure and simulate a scenario from Python."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike
 
 Section = Mapping[str, Any]
 Scenario = str | os.PathLike[str] | Mapping[str, Section] | RunConfig
-"""A shipped scenario's name, a file, ``{section: {key: value}}``, or what ``configure`` gave."""
+"""A shipped scenario's name, a file, ``{section: {key: value}}``, or a result of ``configure``."""
 
 OWN = '/**'
 TORQUES = 'rows t, tau1, tau2 (s, N m, N m) of finite numbers, shape (n, 3)'
@@ -58,7 +58,7 @@ def configure(
     torques: ArrayLike | None = None,
 ) -> RunConfig:
     """
-    Return a scenario, whole and checked, with some of its parameters set anew.
+    Return a complete, checked scenario with some of its parameters changed.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def configure(
         or a ``RunConfig``.
     run, plant, encoder, tip_sensor, trajectory, controller
         ``{key: value}`` for a section of the scenario, keys and values as in the file; ``run``
-        is the section ``/**``.  The value ``None`` leaves a key out again.
+        is the section ``/**``.  The value ``None`` removes a key.
     duration, seed
-        Short for ``run={"duration": ..., "seed": ...}``; s, and the seed of every noise.
+        Short for ``run={"duration": ..., "seed": ...}``; s, and the seed of all noise.
     torques
-        Rows ``t, tau1, tau2`` (s, N m, N m), shape ``(n, 3)``: flown open loop, linear between
-        rows, in the place of any control law.
+        Rows ``t, tau1, tau2`` (s, N m, N m), shape ``(n, 3)``: applied in open loop, interpolated
+        linearly, instead of a control law.
 
     Raises
     ------
@@ -115,25 +115,25 @@ def simulate(
     out: str | os.PathLike[str] | None = None,
 ) -> Run:
     """
-    Fly a scenario in this process, without ROS, and return the run.
+    Simulate a scenario in this process, without ROS, and return the run.
 
-    The numbers are those of ``flexarm run`` and ``flexarm simulate``, bit for bit.  A run that
-    becomes unstable is returned too: ``run.stable`` is False.
+    The numbers equal those of ``flexarm run`` and ``flexarm simulate`` bit for bit.  An unstable
+    run is returned too: ``run.stable`` is False.
 
     Parameters
     ----------
     scenario, run, plant, encoder, tip_sensor, trajectory, controller, duration, seed, torques
         As for :func:`configure`.
     out
-        A new directory for bag, ``trajectory.csv`` and ``summary.json``; left out, nothing is
+        A new directory for bag, ``trajectory.csv`` and ``summary.json``; by default nothing is
         written.
 
     Raises
     ------
     ScenarioError
-        For a bad scenario or value, before anything is flown or written.
+        For a bad scenario or value, before anything is simulated or written.
     BagError
-        Where ``out`` exists already or cannot be written.
+        If ``out`` exists already or cannot be written.
 
     """
     config = configure(
@@ -149,7 +149,7 @@ def simulate(
 
 
 def _fly(config: RunConfig, name: str) -> Run:
-    """Fly a scenario and keep all in memory."""
+    """Simulate a scenario and keep the result in memory."""
     loop = ClosedLoop(config)
     rows, metrics = Rows(config), Metrics(config)
     table: list[Row] = []
@@ -177,7 +177,7 @@ def _timed(blocks: Iterator[Block]) -> Iterator[tuple[Block, float]]:
 
 
 def _plain(section: str, keys: Any) -> dict[str, Any]:
-    """Return values as a file has them: NumPy's become Python's, nested keys dotted."""
+    """Return values as in a file: NumPy types become Python's, nested keys dotted."""
     if not isinstance(keys, Mapping):
         name = 'run' if section == OWN else section
         raise scenarios.ScenarioError(f'{name}: {keys!r} is not a map of keys')
@@ -212,7 +212,7 @@ def _merged(base: Mapping[str, Section], data: Mapping[str, Section]) -> dict[st
 def _with_torques(
     data: dict[str, dict[str, Any]], held: tuple[Row, ...], torques: ArrayLike | None
 ) -> RunConfig:
-    """Return the scenario of ``data``, open loop where there are torques."""
+    """Return the scenario of ``data``, in open loop if there are torques."""
     if torques is None:
         return scenarios.from_dict(data, torques=held)
     try:
