@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded runs looked at: pictures, reports, comparisons.  Never imports rclpy."""
+"""Evaluation of recorded runs: figures, reports, comparisons.  Never imports rclpy."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How processes of this package start processes of Python that share objects with them."""
+"""Spawning of Python processes that share objects with their parent."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ import signal
 
 def spawn_context() -> SpawnContext:
     """
-    Return the context in which processes are spawned, its resource tracker running.
+    Return a spawn context whose resource tracker is running.
 
-    Not by fork: the parent has threads (progress), which a fork would cut off.  The tracker
-    ignores SIGINT and SIGTERM, and is to outlive a closed terminal as well: it inherits that
-    SIGHUP is blocked.
+    Fork would break the parent's threads (progress).  The tracker ignores SIGINT and SIGTERM
+    and must also survive a closed terminal, so it inherits a blocked SIGHUP.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The linear boundary of a sweep over two parameters, beside what its runs survived.
+The linear stability boundary of a sweep over two parameters.
 
-At each point of the grid the loop is linearised about rest, at poses along the trajectory, as
-``flexarm stability`` does; drawn parameters have the scenario's values.  Between two neighbours of
-which one is stable the boundary is found by bisection.
+At each point of the grid the loop is linearised about rest, at poses along the trajectory, as in
+``flexarm stability``; randomly drawn parameters have the scenario's values.  Between a stable and
+an unstable neighbour the boundary is found by bisection.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ from flexarm_ros.stability.margins import poses_along, ROUNDING
 from flexarm_ros.stability.sampled_loop import left_out, SampledLoop, sensor_of
 
 TIME_GAINS = ('lqg', 'adaptive')
-"""Laws whose gains belong to the time: frozen, they have no boundary that the run has too."""
+"""Laws with time-varying gains: their frozen boundary would not be that of the run."""
 
 MOST_POINTS = 5000
 LONGEST_S = 0.1
-"""Longest latency that is analysed: the time an eigenvalue takes grows with its cube."""
+"""Longest latency that is analysed: the cost of an eigenvalue grows with its cube."""
 
 HALVINGS = 7
 WORST, BEST = 0, 1
 
 Rates = tuple[float, float]
-"""Growth rate, 1/s, of the fastest motion: at the worst of the poses, at the best of them."""
+"""Growth rate, 1/s, of the fastest mode: at the worst of the poses, at the best of them."""
 
 Edge = tuple[int, int]
 
@@ -58,12 +58,12 @@ Edge = tuple[int, int]
 @dataclass
 class Linear:
     """
-    The analysis of a sweep's grid, by the number of the point.
+    The analysis of a sweep's grid, by the index of the point.
 
-    ``rates``: where the loop has a linear form, ``notes``: why not, elsewhere.  ``crossings``:
-    for WORST and BEST, where between two points stability ends, as a part of the way from the
-    first.  ``ignored``: keys of the scenarios that the analysis leaves out.  ``refused``: why
-    nothing is analysed at all.
+    ``rates``: where the loop has a linear form; ``notes``: the reason elsewhere.  ``crossings``:
+    for WORST and BEST, where stability ends between two points, as a fraction of the distance
+    from the first.  ``ignored``: scenario keys that the analysis leaves out.  ``refused``: the
+    reason if nothing is analysed.
     """
 
     rates: dict[int, Rates] = field(default_factory=dict)
@@ -75,12 +75,12 @@ class Linear:
     refused: str = ''
 
     def reasons(self) -> list[str]:
-        """Return why there is no boundary, or not everywhere."""
+        """Return the reasons for a missing or incomplete boundary."""
         return [self.refused] if self.refused else sorted(set(self.notes.values()))
 
 
 def analyse_grid(sweep: Sweep, workers: int, stop: Callable[[], bool]) -> Linear | None:
-    """Analyse every point of the grid; None for a sweep without a map, or where ``stop()``."""
+    """Analyse every point of the grid; None for a sweep without a map, or after ``stop()``."""
     if sweep.plan is None or not sweep.plan.y:
         return None
     if sweep.points > MOST_POINTS:
@@ -99,7 +99,7 @@ def analyse_grid(sweep: Sweep, workers: int, stop: Callable[[], bool]) -> Linear
 
 
 class _StoppedError(Exception):
-    """The command is being ended."""
+    """The command is being stopped."""
 
 
 def _mapped(
@@ -119,7 +119,7 @@ def _analyse(sweep: Sweep, found: Linear, mapped: Callable[..., Iterable[Any]]) 
         try:
             configs[point] = with_values(sweep.bases[base], overrides)
         except ScenarioError:
-            continue  # its runs are rows that say so
+            continue  # its rows report the error
     for point, result in zip(configs, mapped(_rates_or_note, list(configs.values())), strict=True):
         if isinstance(result, str):
             found.notes[point] = result
@@ -142,7 +142,7 @@ def _analyse(sweep: Sweep, found: Linear, mapped: Callable[..., Iterable[Any]]) 
 
 
 def _edges(sweep: Sweep) -> Iterator[tuple[tuple[str, ...], Edge]]:
-    """Yield neighbours on the grid, the lower number first, and what differs between them."""
+    """Yield neighbours on the grid, lower index first, and the parameters that differ."""
     assert sweep.plan is not None
     stride = 1
     for name, texts in reversed(sweep.axes.items()):
@@ -166,8 +166,8 @@ def growth_rates(config: RunConfig) -> Rates:
     """
     Return the growth rates, 1/s, of the loop about rest at its worst and at its best pose.
 
-    Above 0: it is unstable there.  Raises ``ValueError``, whose text says why, for a loop that
-    is not analysed.
+    Above 0 it is unstable.  Raises ``ValueError`` with the reason for a loop that cannot be
+    analysed.
     """
     law, sensor = config.controller.law, sensor_of(config)
     if law in TIME_GAINS:
@@ -189,7 +189,7 @@ def _rates_or_note(config: RunConfig) -> Rates | str:
 
 
 def _crossing(job: tuple[RunConfig, tuple[str, ...], str, str, int]) -> float:
-    """Return where between two values of some parameters stability changes, as a part."""
+    """Return where stability changes between two values of some parameters, as a fraction."""
     config, names, first, second, which = job
     low, high, unstable = 0.0, 1.0, growth_rates(config)[which] > 0.0
     for _ in range(HALVINGS):
@@ -198,14 +198,14 @@ def _crossing(job: tuple[RunConfig, tuple[str, ...], str, str, int]) -> float:
         settings = tuple(Parameter.named(name).override(text) for name in names)
         try:
             same = (growth_rates(with_values(config, settings))[which] > 0.0) == unstable
-        except ValueError:  # no scenario between them: the middle is as near as can be said
+        except ValueError:  # no valid scenario between them: the middle is the best estimate
             break
         low, high = (middle, high) if same else (low, middle)
     return 0.5 * (low + high)
 
 
 def linear_table(sweep: Sweep, linear: Linear) -> dict[str, list[Any]]:
-    """Return the analysis as columns, a row a point of the grid."""
+    """Return the analysis as columns, one row per point of the grid."""
     points = range(sweep.points)
     table: dict[str, list[Any]] = {
         'scenario': [sweep.scenarios[sweep.point(point)[0]] for point in points]

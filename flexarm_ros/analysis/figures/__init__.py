@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Pictures of runs as matplotlib figures: paths, corners, signals, the fuzzy system, the paper's.
+Figures of runs with matplotlib: paths, corners, signals, the fuzzy system, the paper's figures.
 
 Imports core, stability, wire, scenario and bag; no ROS.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The transients where the reference switches its direction: the paper's Figures 6 and 8."""
+"""The transients at the reference's changes of direction: the paper's Figures 6 and 8."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BEFORE, AFTER = 0.1, 0.6
-"""Part of the path around a direction switch that sets a zoomed picture's frame, s."""
+"""Time around a direction switch whose path sets the frame of a zoomed view, s."""
 
 
 def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) -> Figure:
     """
     Return the transients at the reference's direction switches, zoomed (Figures 6, 8).
 
-    A row a group and a column a switch; with ``only``, side by side, one switch a group, counted
-    from 0.
+    One row per group and one column per switch; with ``only``, one switch per group (counted
+    from 0), side by side.
     """
     switches = [group_switches(group) for group in groups]
     if only is not None:
@@ -86,7 +86,7 @@ def _draw_corner(axis: Axes, group: Panel, index: int, time: float) -> None:
         rows = between(run, time - 1.0, time + 2.0)
         x, y = run.columns['rigid_x'][rows], run.columns['rigid_y'][rows]
         line(axis, x, y, style, text)
-    axis.set_box_aspect(1.0)  # with limits of one size this is an equal scale
+    axis.set_box_aspect(1.0)  # with limits of equal size this is an equal scale
     axis.set_xlim(low_x, high_x)
     axis.set_ylim(low_y, high_y)
     axis.set(xlabel='x, m')
@@ -99,7 +99,7 @@ def _draw_corner(axis: Axes, group: Panel, index: int, time: float) -> None:
 
 
 def _corner_frame(group: Panel, time: float) -> tuple[float, float, float, float]:
-    """Return a square frame around what the runs and the reference do after a switch."""
+    """Return a square frame around the paths of runs and reference after a switch."""
     xs, ys = [], []
     for run in group.runs:
         rows = between(run, time - BEFORE, time + AFTER)
@@ -119,7 +119,7 @@ def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
     """
     Add an inset around the furthest points past the corner, where cases differ by millimetres.
 
-    It lies on the base's side of the corner, which the paths leave free.
+    It is placed on the base's side of the corner, where there are no paths.
     """
     peaks = [peak for run in group.runs if (peak := _peak(run, time)) is not None]
     if len(peaks) < 2:
@@ -128,7 +128,7 @@ def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
     half = max(4.0 * float(np.ptp(points[:, 2])), 1e-4)
     x, y = float(points[:, 0].mean()), float(points[:, 1].mean())
     if half > 0.04 * float(np.ptp(axis.get_xlim())):
-        return  # the differences are seen without it
+        return  # the differences are visible without an inset
     left, bottom = (0.06 if x > 0.0 else 0.52), (0.06 if y > 0.0 else 0.52)
     inset = axis.inset_axes((left, bottom, 0.42, 0.42))
     for run, style, _ in styled(group):
@@ -147,7 +147,7 @@ def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
 
 
 def _peak(run: Run, time: float) -> tuple[float, float, float] | None:
-    """Return x, y of the furthest point past a corner in the second after it, and how far."""
+    """Return x, y and distance of the furthest point past a corner in the second after it."""
     rows = between(run, time, time + 1.0)
     corner = rows.start
     if corner < 1 or rows.stop - corner < 2:

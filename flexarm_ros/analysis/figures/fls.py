@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The fuzzy logic system as pictures: membership functions and the surface of lambda."""
+"""Figures of the fuzzy logic system: membership functions and the surface of lambda."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     Feet = dict[str, tuple[float, float, float]]
 
 DEFAULT_KN = 5.0
-"""The paper's normalising gain K_n, m, where a run's scenario does not tell."""
+"""The paper's normalising gain K_n, m, used if a run's scenario has none."""
 
 
 def lambda_grid(inputs: Collection[float]) -> FloatArray:
@@ -60,7 +60,7 @@ def gain_kn(runs: Sequence[Run]) -> float:
 
 
 def fls_figure(runs: Sequence[Run]) -> Figure:
-    """Return the paper's Figures 2 and 3, lambda's surface, and where fuzzy runs used it."""
+    """Return the paper's Figures 2 and 3, lambda's surface, and the part used by fuzzy runs."""
     kn = gain_kn(runs)
     figure = new_figure(9.6, 7.6)
     _draw_inputs(figure.add_subplot(2, 2, 1), kn)
@@ -104,7 +104,7 @@ def _draw_sets(axis: Axes, sets: Feet, scale: float) -> None:
 
 
 def _at_foot(feet: tuple[float, float, float], end: int) -> float:
-    """Return the membership at an end of a triangle: 1 where the peak lies on it."""
+    """Return the membership at an end of a triangle: 1 if the peak is there."""
     return 1.0 if feet[end] == feet[1] else 0.0
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The paper's own figures, one picture each, where the runs at hand can show them.
+The paper's own figures, one file each, if the given runs can show them.
 
-Figures 2 and 3 (membership functions) want a fuzzy run; 5 and 7 (paths) and 6 and 8 (the
-transients that the paper zooms into) want, for the tip and for 2.25 m along link 2, at least two
-of the three cases of both laws, flown by our own nodes.  Figures 1 and 4 are drawings of the arm
+Figures 2 and 3 (membership functions) need a fuzzy run.  Figures 5 and 7 (paths) and 6 and 8
+(zoomed transients) need, for the sensor at the tip and at 2.25 m along link 2, at least two of
+the three cases of both laws, without external nodes.  Figures 1 and 4 are drawings of the arm
 and of the control loop; ``docs/model.md`` has both.
 """
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLACES = {9.0: ('figure_5', 'figure_6', (1, 0)), 6.75: ('figure_7', 'figure_8', (1, 2))}
-"""Place of the sensor, m -> stems of paths and of transients, the switches zoomed for PD, FLS."""
+"""Sensor location, m -> stems of paths and of transients, the switches zoomed for PD, FLS."""
 
 LAWS = ('pd', 'fls')
 LEAST_CASES = 2
 
 
 def paper_figures(groups: Sequence[Panel]) -> Iterator[tuple[str, Figure]]:
-    """Yield the stem and the picture of each figure of the paper that the groups can show."""
+    """Yield the stem and the figure of each figure of the paper that the groups can show."""
     fuzzy = [run for group in groups for run in group.runs if run.law == 'fls']
     if fuzzy:
         kn = gain_kn(fuzzy)

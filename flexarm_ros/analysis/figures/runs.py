@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Pictures of runs for papers, PNG and SVG, in the manner of the paper's Figures 5 to 8.
+Figures of runs for publication, PNG and SVG, in the style of the paper's Figures 5 to 8.
 
-Matplotlib is imported when a picture is made, and without pyplot: no display, no state
-left behind.  Equal runs and equal versions give equal files.
+Matplotlib is imported when a figure is drawn, and without pyplot: no display and no global
+state.  Equal runs and equal versions give equal files.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ if TYPE_CHECKING:
 
 def write_figures(run_dirs: Sequence[Path | Run], out: Path) -> list[Path]:
     """
-    Draw one run, or several over one another, into ``out`` and return the files.
+    Draw one run, or several overlaid, into ``out`` and return the files.
 
-    ``paths``, ``corners`` (where the reference switches its direction), ``signals``
-    (``signals_LAW_PLACE`` for each group of several) and, where the law is the fuzzy one,
-    ``fls``; with runs of both laws also ``figure_N`` for each figure of the paper that they show;
-    each as PNG and SVG.  Raises ``RunError`` where a directory is not a run.
+    ``paths``, ``corners`` (changes of the reference's direction), ``signals``
+    (``signals_LAW_PLACE`` for each group of several), for the fuzzy law ``fls``, and with runs
+    of both laws ``figure_N`` for each figure of the paper that they show; each as PNG and SVG.
+    Raises ``RunError`` if a directory is not a run.
     """
     runs = load_runs(run_dirs)
     out.mkdir(parents=True, exist_ok=True)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What all pictures share: colours, line styles, panels, and how a file is written.
+Shared by all figures: colours, line styles, panels, and writing of files.
 
-The colours are Okabe and Ito's (2008), which people with any of the common colour
-deficiencies tell apart; line styles differ too, so that a grey print can be read.
+The colours are those of Okabe and Ito (2008), which remain distinct with the common colour
+vision deficiencies; line styles differ too, for greyscale prints.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ AMBER, SKY, BLACK, GREY = '#E69F00', '#56B4E9', '#000000', '#6E6E6E'
 
 @dataclass(frozen=True)
 class Style:
-    """How a curve is drawn: colour, dashes, width in points."""
+    """Line style of a curve: colour, dashes, width in points."""
 
     color: str
     dashes: str = '-'
@@ -66,7 +66,7 @@ ROLE_STYLES = {
     NONCOLLOCATED: Style(ORANGE, '--', 1.5),
     CORRECTED: Style(GREEN, '-.', 1.1),
 }
-"""The paper's three cases -> style; the wider lie below, so that equal curves are all seen."""
+"""The paper's three cases -> style; wider lines lie below, so that equal curves stay visible."""
 
 SPARE_STYLES = (
     Style(BLUE), Style(ORANGE, '--'), Style(GREEN, '-.'), Style(PURPLE, ':'), Style(AMBER),
@@ -102,7 +102,7 @@ METADATA: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Panel:
-    """Runs that belong in one picture: one control law, one place of the sensor."""
+    """Runs that share a figure: one control law, one sensor location."""
 
     law: str
     location: float | None
@@ -110,7 +110,7 @@ class Panel:
 
     @property
     def title(self) -> str:
-        """Return what the runs have in common."""
+        """Return the law and the sensor location of the runs."""
         place = '' if self.location is None else f', sensor at {self.location:g} m'
         return law_name(self.law) + place
 
@@ -126,8 +126,7 @@ def panels(runs: Sequence[Run]) -> list[Panel]:
     """
     Return the runs grouped as in the paper's Figures 5 and 7.
 
-    A collocated run stands in every panel of its law, as the one that the others are
-    compared with.
+    A collocated run appears in every panel of its law, for comparison.
     """
     result = []
     for law in dict.fromkeys(run.law for run in runs):
@@ -143,7 +142,7 @@ def panels(runs: Sequence[Run]) -> list[Panel]:
 
 
 def styles(runs: Sequence[Run]) -> list[Style]:
-    """Return a style for each run; the paper's cases keep theirs."""
+    """Return a style for each run; the paper's cases have fixed ones."""
     if len(runs) == 1:
         return [Style(ROLE_STYLES.get(runs[0].role, SPARE_STYLES[0]).color)]
     roles = [run.role for run in runs]
@@ -153,29 +152,29 @@ def styles(runs: Sequence[Run]) -> list[Style]:
 
 
 def _spare(index: int) -> Style:
-    """Return the style of one of many runs; colours come again with other dashes."""
+    """Return the style of one of many runs; colours repeat with other dashes."""
     turn, place = divmod(index, len(SPARE_STYLES))
     dashes = SPARE_STYLES[(place + turn) % len(SPARE_STYLES)].dashes
     return replace(SPARE_STYLES[place], dashes=dashes)
 
 
 def wrap(text: str) -> str:
-    """Return a legend's text in lines that fit a panel."""
+    """Return a legend text wrapped to the width of a panel."""
     return '\n'.join(textwrap.wrap(text, 30, break_on_hyphens=False))
 
 
 @contextlib.contextmanager
 def drawing() -> Iterator[None]:
-    """Within the block matplotlib draws with ``SETTINGS``, whatever MPLBACKEND names."""
+    """Draw with ``SETTINGS`` in the block, whatever MPLBACKEND is."""
     with _matplotlib().rc_context(SETTINGS):
         yield
 
 
 def _matplotlib() -> ModuleType:
     """
-    Import matplotlib, which refuses a backend that is not installed although none is used.
+    Import matplotlib, which refuses an MPLBACKEND that is not installed even if unused.
 
-    The variable is hidden meanwhile: an import that has failed cannot always be repeated.
+    The variable is removed during the import, since a failed import cannot always be repeated.
     """
     if 'matplotlib' in sys.modules:
         return sys.modules['matplotlib']
@@ -186,13 +185,13 @@ def _matplotlib() -> ModuleType:
         if backend is not None:
             os.environ['MPLBACKEND'] = backend
     if backend:
-        with contextlib.suppress(ValueError):  # else it is the user's for other figures
+        with contextlib.suppress(ValueError):  # otherwise it applies to the user's figures
             matplotlib.rcParams['backend'] = backend
     return matplotlib
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure, sizes in inches, that no display or global state knows of."""
+    """Return an empty figure, sizes in inches, without display or global state."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout='constrained')
@@ -202,7 +201,7 @@ def save(figure: Figure, out: Path, stem: str) -> list[Path]:
     """
     Write a figure as PNG and SVG and return both paths.
 
-    The layout is computed once, for the first file: it is most of the work.
+    The layout, which takes most of the time, is computed once, for the first file.
     """
     paths = []
     for kind, metadata in METADATA.items():
@@ -221,7 +220,7 @@ def styled(group: Panel) -> list[tuple[Run, Style, str]]:
 
 
 def panel_title(group: Panel) -> str:
-    """Return the group's title; for a single run also its case, and how it ended badly."""
+    """Return the group's title; for a single run also its case and a failure."""
     if len(group.runs) > 1:
         return group.title
     run = group.runs[0]
@@ -238,7 +237,7 @@ def between(run: Run, start: float, end: float) -> slice:
 
 
 def line(axis: Axes, x: FloatArray, y: FloatArray, style: Style, label: str) -> None:
-    """Draw a curve; one of very few rows gets dots, since it would not be seen."""
+    """Draw a curve; one with very few rows also gets dots, to be visible."""
     options: dict[str, Any] = {'marker': '.'} if len(x) < 3 else {}
     axis.plot(
         x, y, color=style.color, linestyle=style.dashes, linewidth=style.width, label=label,
@@ -247,5 +246,5 @@ def line(axis: Axes, x: FloatArray, y: FloatArray, style: Style, label: str) -> 
 
 
 def group_switches(group: Panel) -> list[float]:
-    """Return the switches of the run that got furthest, s."""
+    """Return the direction switches, s, of the run with the latest end."""
     return max((run.switches() for run in group.runs), key=len)

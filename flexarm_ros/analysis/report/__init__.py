@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-One HTML page about recorded runs: what it tells of each, tables, claims, and the page.
+One HTML page about recorded runs: data of the runs, tables, claims, and the page.
 
 Imports core, stability, wire, scenario, bag and the figures; no ROS.
 """

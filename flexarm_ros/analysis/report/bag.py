@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A run read from its bag alone: rescued, moved, or of a run that was cut off."""
+"""A run read from its bag alone, if recovered, moved or interrupted."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def read_bag(
     """
     Return the columns of ``trajectory.csv``, the summary, and the bag that they are from.
 
-    The metrics are those of the complete ticks from the start, for which a scenario is
-    needed: the bag's, or ``given``.  What a bag does not tell, the wall time and why a run
-    ended, is ``None``.  Raises ``BagError`` where ``path`` leads to no bag of a run.
+    The metrics cover the complete ticks from the start and need a scenario, that of the bag or
+    ``given``.  Values that a bag does not hold, the wall time and the reason of the end, are
+    ``None``.  Raises ``BagError`` if ``path`` leads to no bag of a run.
     """
     reader = open_run(path, given, namespace)
     metrics = Metrics(reader.config, reader.provenance.foreign) if reader.has_scenario else None

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The paper's claims (its section 5) held against the runs at hand.
+The paper's claims (its section 5), checked against the given runs.
 
-The claims are those of the shipped suite ``paper``: its words, its reading of "markedly" and
-"little", its comparisons.  They are judged on the ten shipped cases only: every value of the
-scenario as it is shipped, whatever the run's name, and all nodes our own.
+The claims, with the meaning of "markedly" and "little" and the comparisons, are those of the
+shipped suite ``paper``.  Only its ten cases count: every value of the scenario as shipped,
+whatever the run's name, and no external nodes.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from flexarm_ros.scenario.suites import suite
 from flexarm_ros.scenario.suites.expect import Outcome
 
 _WALL_CLOCK = ('start_timeout', 'tick_timeout', 'on_invalid', 'record', 'clock_rate')
-"""Keys of the whole run that no number depends on."""
+"""Keys of section ``/**`` that the numbers do not depend on."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim, the verdict over the checks that could be made, those, and how many there are."""
+    """A claim, the verdict of the possible checks, these checks, and how many there are."""
 
     text: str
     verdict: str
@@ -55,7 +55,7 @@ class Claims:
 
 
 def evaluate(runs: Sequence[Run]) -> Claims:
-    """Return which of the paper's claims hold over the given runs, with the numbers."""
+    """Return the verdicts on the paper's claims for the given runs."""
     try:
         paper = suite.load('paper')
     except scenario.ScenarioError as error:
@@ -79,7 +79,7 @@ def evaluate(runs: Sequence[Run]) -> Claims:
 
 
 def _verdict(outcomes: Sequence[Outcome]) -> str:
-    """Return one of the suite's verdicts; all outcomes are decided."""
+    """Return the suite's verdict; all outcomes are decided."""
     held = [outcome.holds for outcome in outcomes]
     holds, in_part, fails = suite.VERDICTS
     return holds if all(held) else in_part if any(held) else fails
@@ -88,7 +88,7 @@ def _verdict(outcomes: Sequence[Outcome]) -> str:
 def _cases(
     runs: Sequence[Run], shipped: Mapping[RunConfig, str]
 ) -> tuple[dict[str, Run], tuple[str, ...]]:
-    """Return the name of a case -> its run, of two the first; and why others are left out."""
+    """Return case name -> run (the first of equal ones), and remarks on excluded runs."""
     cases: dict[str, Run] = {}
     remarks = []
     for run in runs:
@@ -105,7 +105,7 @@ def _cases(
 
 
 def _case(run: Run, shipped: Mapping[RunConfig, str]) -> str | None:
-    """Return which of the shipped cases a run is, every value of its scenario unchanged."""
+    """Return the name of the shipped case whose scenario the run has unchanged, if any."""
     if run.summary.get('changes'):
         return None
     try:
@@ -116,7 +116,7 @@ def _case(run: Run, shipped: Mapping[RunConfig, str]) -> str | None:
 
 
 def _numbers(config: RunConfig) -> RunConfig:
-    """Return a scenario without the keys that no number depends on."""
+    """Return a scenario without the keys that the numbers do not depend on."""
     default = RunConfig()
     same = {key: getattr(default.run, key) for key in _WALL_CLOCK}
     run = replace(config.run, **same)

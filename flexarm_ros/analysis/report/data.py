@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the page's script gets: rows of each run, packed, and the fuzzy logic system."""
+"""Data for the page's script: packed rows of each run, and the fuzzy logic system."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 ROW_BUDGET = 48_000
-"""Rows of all runs together that a page holds: three runs of 16 s at 1 kHz whole, about 2 MB."""
+"""Total rows in a page: three complete runs of 16 s at 1 kHz, about 2 MB."""
 
 LEAST_ROWS = 600
-"""Rows that each run has at least, however many runs there are."""
+"""Least rows of each run, whatever the number of runs."""
 
 MOST_SWITCHES = 200
-"""Direction switches of a run that a page marks."""
+"""Most direction switches of a run that a page marks."""
 
 PACKED = (
     't', 'theta1', 'theta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y', 'tip_x', 'tip_y',
@@ -42,21 +42,21 @@ PACKED = (
 """Columns of ``trajectory.csv`` that the page needs."""
 
 ERRORS = ('error', 'tip_error')
-"""Further columns: from the packed ones the page could tell them to 1e-7 of the path only."""
+"""Further columns, which the page could compute from the packed ones only to 1e-7 of the path."""
 
 STEPS = 2**24 - 2
-"""Steps between the least and the largest value of a packed column; the code above is nan."""
+"""Steps between least and largest value of a packed column; the next code means nan."""
 
 DASHES = {'-': '', '--': '7 4', '-.': '9 3 2 3', ':': '2 3'}
-"""Matplotlib's name of a line style -> SVG's dash array."""
+"""Matplotlib line style -> SVG dash array."""
 
 
 def page_data(runs: Sequence[Run]) -> dict[str, Any]:
     """
-    Return the data of a page as what JSON can hold.
+    Return the data of a page as JSON-compatible objects.
 
-    ``pool`` holds each different column once (equal references of several runs are one),
-    ``runs`` points into it.
+    ``pool`` holds each different column once (such as equal references of several runs);
+    ``runs`` refers to it by index.
     """
     pool: dict[tuple[float, float, str], int] = {}
     budget = max(LEAST_ROWS, ROW_BUDGET // max(1, len(runs)))

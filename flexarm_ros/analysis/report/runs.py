@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A run's output directory read back: its rows, its summary, and what to call it."""
+"""A run's output directory as data: its rows, its summary, and its label."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ NONCOLLOCATED = 'noncollocated (NMP)'
 CORRECTED = 'NMP corrected'
 
 EXTERNAL = 'external'
-"""In the place of a control law: an external controller."""
+"""Law name of an external controller."""
 
 LARGEST = 1e60
-"""Beyond this a value counts as not finite: squares and picture's scales would overflow."""
+"""Larger values count as not finite: squares and scales of figures would overflow."""
 
 TURN = np.cos(np.radians(5.0))
 """Cosine of the smallest change of the reference's direction that counts as a switch."""
@@ -51,8 +51,8 @@ class Run:
     """
     One run read from its directory.
 
-    ``columns`` maps each name of ``COLUMNS`` to an array of shape ``(rows,)``, not-a-number
-    where the file has nothing finite.  ``summary`` is ``summary.json`` as read, ``scenario``
+    ``columns`` maps each name of ``COLUMNS`` to an array of shape ``(rows,)``, with nan for
+    values that are not finite.  ``summary`` is the content of ``summary.json``, ``scenario``
     its resolved parameters as ``{section: {key: value}}``.
     """
 
@@ -63,7 +63,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Return the directory's own name."""
+        """Return the name of the directory."""
         return self.directory.name or str(self.directory)
 
     @property
@@ -73,7 +73,7 @@ class Run:
 
     @property
     def law(self) -> str:
-        """Return ``controller.law``, `EXTERNAL`, or an empty text where it is not known."""
+        """Return ``controller.law``, `EXTERNAL`, or an empty text if unknown."""
         if 'controller' in self.external:
             return EXTERNAL
         value = self.value('controller', 'law')
@@ -87,7 +87,7 @@ class Run:
 
     @property
     def role(self) -> str:
-        """Return which of the paper's three cases it is, empty for a law without feedback."""
+        """Return which of the paper's three cases this is, empty for a law without feedback."""
         feedback = self.value('controller', 'feedback')
         if self.law in ('open_loop', EXTERNAL) or feedback not in ('encoder', 'tip_sensor'):
             return ''
@@ -98,14 +98,14 @@ class Run:
 
     @property
     def location(self) -> float | None:
-        """Return the place of the position sensor that closes the loop, m, if one does."""
+        """Return the location of the position sensor in the loop, m, None without one."""
         if self.role in ('', COLLOCATED):
             return None
         return number(self.value('tip_sensor', 'location'))
 
     @property
     def lengths(self) -> tuple[float, float]:
-        """Return the links' lengths, m; the paper's where the scenario does not tell."""
+        """Return the links' lengths, m; the paper's if the scenario has none."""
         value = self.value('plant', 'length')
         known = [number(item) for item in value] if isinstance(value, (list, tuple)) else []
         first, second = known if len(known) == 2 else (None, None)
@@ -113,16 +113,16 @@ class Run:
 
     @property
     def stable(self) -> bool | None:
-        """Return the summary's verdict, ``None`` where it has none."""
+        """Return the summary's verdict, ``None`` without one."""
         value = self.summary.get('stable')
         return value if isinstance(value, bool) else None
 
     def value(self, section: str, key: str) -> Any:
-        """Return a parameter of the scenario, ``None`` where it is not known."""
+        """Return a parameter of the scenario, ``None`` if unknown."""
         return self.scenario.get(section, {}).get(key)
 
     def switches(self) -> list[float]:
-        """Return the times, in s, at which the reference changes its direction of motion."""
+        """Return the times, s, at which the reference changes its direction of motion."""
         x, y = self.columns['ref_x'], self.columns['ref_y']
         dx, dy = np.diff(x), np.diff(y)
         length = np.nan_to_num(np.hypot(dx, dy))
@@ -142,7 +142,7 @@ class Run:
         return self._distance('tip')
 
     def _distance(self, point: str) -> FloatArray:
-        """Return the distance of a point from the reference, m; 0 where it is rounding."""
+        """Return the distance of a point from the reference, m; 0 if within rounding."""
         c = self.columns
         x, y = c['ref_x'], c['ref_y']
         found = np.hypot(c[f'{point}_x'] - x, c[f'{point}_y'] - y)
@@ -164,9 +164,9 @@ def load_run(path: Path, given: RunConfig | None = None, namespace: str | None =
     """
     Return the run in ``path``: its output directory, or the bag or a file in it.
 
-    Where a directory lacks ``trajectory.csv`` or ``summary.json``, its bag is read; ``given``
-    and ``namespace`` are for one of another recorder (see ``BagReader``).  Raises ``RunError``
-    where ``path`` is not a run, or a file of it cannot be read.
+    If a directory lacks ``trajectory.csv`` or ``summary.json``, its bag is read; ``given`` and
+    ``namespace`` are for bags of other recorders (see ``BagReader``).  Raises ``RunError`` if
+    ``path`` is not a run, or a file of it cannot be read.
     """
     directory = _directory(Path(path))
     if directory is not None:
@@ -193,14 +193,14 @@ def _directory(path: Path) -> Path | None:
 
 
 def load_runs(runs: Sequence[Path | Run]) -> list[Run]:
-    """Return the runs, each loaded unless it is already."""
+    """Return the runs, loading those given as paths."""
     return [run if isinstance(run, Run) else load_run(run) for run in runs]
 
 
 def _from_bag(
     path: Path, given: RunConfig | None, namespace: str | None
 ) -> tuple[Mapping[str, FloatArray], Mapping[str, Any], Path]:
-    """Return columns and summary of a bag, and the directory that it is the bag of."""
+    """Return columns and summary of a bag, and its output directory."""
     from flexarm_ros.analysis.report.bag import read_bag
     from flexarm_ros.bag.errors import BagError
 
@@ -215,7 +215,7 @@ def _from_bag(
 
 
 def without_extremes(values: FloatArray) -> FloatArray:
-    """Return values with not-a-number for those that no picture can show."""
+    """Return values with nan for those beyond the range of figures."""
     return np.where(np.abs(values) < LARGEST, values, np.nan)
 
 
@@ -242,7 +242,7 @@ def _sections(scenario: Any) -> Mapping[str, Mapping[str, Any]]:
 
 
 def _read_rows(path: Path) -> Mapping[str, FloatArray]:
-    """Return the columns of a trajectory; a last row that was cut off is left out."""
+    """Return the columns of a trajectory; a truncated last row is left out."""
     try:
         with path.open(encoding='utf-8', newline='') as file:
             header = file.readline().strip().split(',')
@@ -273,15 +273,15 @@ LAW_NAMES = {
 
 
 def law_name(law: str) -> str:
-    """Return a control law's name as pictures print it."""
+    """Return the display name of a control law."""
     return LAW_NAMES.get(law, law.upper() if len(law) <= 4 else law) or 'Unknown law'
 
 
 def labels(runs: Sequence[Run], short: bool = False) -> list[str]:
     """
-    Return one text a run, all different: the case, then what else tells equal cases apart.
+    Return one distinct text per run: the case, then the differences between equal cases.
 
-    ``short`` leaves out the law and the sensor's place, for pictures that say them elsewhere.
+    ``short`` leaves out the law and the sensor location, for figures that state them elsewhere.
     """
     texts = [_base_label(run, short) for run in runs]
     for text in {text for text in texts if texts.count(text) > 1}:
@@ -305,13 +305,13 @@ def _base_label(run: Run, short: bool) -> str:
 
 
 def external_parts(run: Run) -> str:
-    """Return which roles beside the controller are external nodes, empty if none is."""
+    """Return the external nodes other than the controller, empty if there are none."""
     others = [role.replace('_', ' ') for role in run.external if role != 'controller']
     return f'external {" and ".join(others)}' if others else ''
 
 
 def _differences(runs: Sequence[Run]) -> list[str]:
-    """Return for each run the values of the (at most two) parameters that differ among them."""
+    """Return for each run its values of the (at most two) parameters that differ."""
     keys: dict[tuple[str, str], None] = {}
     for run in runs:
         for section, held in run.scenario.items():

@@ -15,7 +15,7 @@
 """
 Tables of the report page as HTML: metrics, claims, scenario, provenance.
 
-Whatever comes from a file goes through ``escape`` on its way into the page.
+All text from files is escaped by ``escape``.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from flexarm_ros.analysis.report.runs import labels, number, Run
 from flexarm_ros.core.parameters.sections import SECTIONS, specs
 
 MOST_SWITCHES = 12
-"""Direction switches whose overshoots a page lists."""
+"""Most direction switches whose overshoots a page lists."""
 
 LONGEST = 300
-"""Characters of a text from a file that a page shows."""
+"""Most characters of a text from a file that a page shows."""
 
 METRICS: tuple[tuple[str, str, str], ...] = (
     ('rms_error', 'Error, rms', 'm'),
@@ -48,19 +48,19 @@ METRICS: tuple[tuple[str, str, str], ...] = (
     ('wall_s', 'Wall time', 's'),
     ('rtf', 'Real-time factor', ''),
 )
-"""Key of ``summary.json``, its name, its unit."""
+"""Key of ``summary.json``, label, unit."""
 
 EDGES = {'holds': 'good', 'in part': 'part', 'does not hold': 'bad'}
 
 
 def text(value: Any) -> str:
-    """Return anything from a file as HTML text, not too long."""
+    """Return any value from a file as HTML text of limited length."""
     shown = value if isinstance(value, str) else repr(value)
     return escape(shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + '…')
 
 
 def _breakable(name: str) -> str:
-    """Return a run's name as HTML that breaks after its underscores, not inside its words."""
+    """Return a run's name as HTML with line breaks allowed after underscores only."""
     return text(name).replace('_', '_<wbr>')
 
 
@@ -77,7 +77,7 @@ def _run_heads(runs: Sequence[Run]) -> str:
 
 
 def metrics_table(runs: Sequence[Run]) -> str:
-    """Return the metrics of every run, a column each."""
+    """Return the metrics of all runs, one column each."""
     rows = [_row('Outcome', '', [_outcome(run) for run in runs])]
     if any(run.external for run in runs):
         named = [text(', '.join(run.external)) or 'none' for run in runs]
@@ -111,7 +111,7 @@ def _list_rows(name: str, unit: str, values: Sequence[Any]) -> list[str]:
              for i in range(length)]  # fmt: skip
     known = max((i for i, row in enumerate(shown, 1) if set(row) != {'–'}), default=0)
     rows = [_row(f'{name}, switch {i}', unit, row) for i, row in enumerate(shown[:known], 1)]
-    if known < length:  # one row, however many are not known
+    if known < length:  # one row for all unknown values
         later = f', switch {known + 1} and later' if known + 1 < length else f', switch {length}'
         rows.append(_row(name + (later if known else ''), unit, shown[known]))
     return rows
@@ -137,7 +137,7 @@ def _outcome(run: Run) -> str:
 
 
 def claims_section(claims: Claims) -> str:
-    """Return the section on the paper's claims, empty where no claim can be decided."""
+    """Return the section on the paper's claims, empty if no claim can be decided."""
     if not claims.tested:
         return ''
     parts = ''.join(_claim(claim) for claim in claims.tested)
@@ -175,7 +175,7 @@ def _claim(claim: Claim) -> str:
 
 
 def scenario_table(runs: Sequence[Run]) -> str:
-    """Return every resolved parameter: what differs between the runs, then what does not."""
+    """Return the resolved parameters: those that differ between the runs first."""
     keys: dict[tuple[str, str], None] = {}
     for run in runs:
         for section, held in run.scenario.items():
@@ -194,7 +194,7 @@ def scenario_table(runs: Sequence[Run]) -> str:
 
 
 def _facts(runs: Sequence[Run], rows: Sequence[tuple[str, list[str]]], what: str) -> str:
-    """Return tables of HTML cells: those that differ, a run a column, and those that do not."""
+    """Return tables of HTML cells: differing ones, one column per run, then the common ones."""
     tables = []
     differing = [(name, cells) for name, cells in rows if len(set(cells)) > 1]
     if differing:
@@ -236,7 +236,7 @@ def _unit(section: str, key: str) -> str:
 
 
 def provenance_table(runs: Sequence[Run]) -> str:
-    """Return where each run lies, its scenario's name and the versions that made it."""
+    """Return the directory, scenario name and versions of each run."""
     names = dict.fromkeys(name for run in runs for name in _versions(run))
     facts: list[tuple[str, Callable[[Run], Any]]] = [
         ('directory', lambda run: str(run.directory)),

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Where loops turn unstable, searched in flights and in linear models, and its pictures.
+Stability boundaries from simulations and from linear models, and their figures.
 
 Imports core, stability and the style of the figures; no ROS.
 """

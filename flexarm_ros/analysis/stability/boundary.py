@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where loops stop being stable: by the linear analysis, and by flying them.
+Stability boundaries: from the linear analysis, and from simulations.
 
-A flown boundary is the latency up to which a scenario ends stable, by
-bisection: the run is taken to be stable below it and unstable above.
+A simulated boundary is the latency up to which a scenario ends stable, found by bisection: the
+run is assumed stable below it and unstable above.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from flexarm_ros.stability.sampled_loop import SampledLoop
 
 LIMIT_S = 0.06
 RESOLUTION = 0.005
-"""Part of itself to which a flown boundary is found."""
+"""Relative accuracy of a simulated boundary."""
 
 
 def with_latency(config: RunConfig, latency_s: float) -> RunConfig:
-    """Return ``config`` with the latency of the sensor that closes its loop, whole ns."""
+    """Return ``config`` with the given latency of the sensor in its loop, in whole ns."""
     latency = round(latency_s * NS_PER_S) / NS_PER_S
     if config.controller.feedback == 'encoder':
         return replace(config, encoder=replace(config.encoder, latency=latency))
@@ -46,7 +46,7 @@ def with_latency(config: RunConfig, latency_s: float) -> RunConfig:
 
 
 def ends_stable(config: RunConfig) -> bool:
-    """Fly a scenario; whether it reaches its end."""
+    """Simulate a scenario; return whether it reaches its end."""
     loop = ClosedLoop(config)
     while loop.tick() is not None:
         pass
@@ -59,9 +59,9 @@ def flown_boundary(
     stable: Callable[[RunConfig], bool] = ends_stable,
 ) -> float | None:
     """
-    Return the latency, s, from which on ``stable`` is false; ``None`` up to the limit.
+    Return the latency, s, from which on ``stable`` is false, ``None`` if beyond the limit.
 
-    0 where it is false without any.
+    It is 0 if ``stable`` is false without latency.
     """
     if not stable(with_latency(config, 0.0)):
         return 0.0
@@ -79,11 +79,11 @@ def flown_boundary(
 
 def fades(config: RunConfig) -> bool:
     """
-    Fly a scenario; whether its joint rates are still small at the end, and falling.
+    Simulate a scenario; return whether its joint rates are small at the end, and falling.
 
-    Falling: less in the last third than in the second.  Small: below 100 times
-    the first; a motion that grows until it swings through poses where it is
-    damped ends stable, in a limit cycle, but has not faded.
+    Falling: smaller in the last third than in the second.  Small: below 100 times those of the
+    first.  A growing motion may reach poses where it is damped; its run then ends stable, in a
+    limit cycle, but has not faded.
     """
     loop = ClosedLoop(config)
     thirds, first = [0.0, 0.0, 0.0], 0.0
@@ -96,7 +96,7 @@ def fades(config: RunConfig) -> bool:
 
 
 def fading_boundary(config: RunConfig, pose: Pose, limit_s: float = LIMIT_S) -> float | None:
-    """Return the latency, s, from which on a small kick at rest no longer fades."""
+    """Return the latency, s, from which on a small disturbance at rest no longer decays."""
     return flown_boundary(holding(config, pose, 60.0, 1e-6), limit_s, fades)
 
 
@@ -105,7 +105,7 @@ class Linear:
     """
     Crossing delays over the poses, s: the smallest with its pose, and the largest.
 
-    ``None``: over the limit.
+    ``None``: beyond the limit.
     """
 
     least: float | None
@@ -116,7 +116,7 @@ class Linear:
 def linear_boundary(
     config: RunConfig, gain: float | None = None, count: int = 7, limit_s: float = LIMIT_S
 ) -> Linear:
-    """Return the crossing delays of the linear analysis, along the trajectory."""
+    """Return the crossing delays of the linear analysis along the trajectory."""
     found: list[tuple[float, Pose]] = []
     for pose in poses_along(config, count):
         loop = SampledLoop(config, pose.theta2)
@@ -134,9 +134,9 @@ def _finite(value: float) -> float | None:
 
 def holding(config: RunConfig, pose: Pose, duration: float, kick: float = 0.01) -> RunConfig:
     """
-    Return the scenario that holds ``pose`` for ``duration`` s, joints kicked by ``kick`` rad/s.
+    Return the scenario that holds ``pose`` for ``duration`` s, with joint rates of ``kick`` rad/s.
 
-    No speed, no bent links: what the linear analysis is about.
+    As in the linear analysis, the pose is at rest and the links are straight.
     """
     x, y, _, _ = rigid_point(*config.plant.length, pose.theta1, pose.theta2, 0.0, 0.0)
     return replace(
@@ -153,9 +153,9 @@ def holding(config: RunConfig, pose: Pose, duration: float, kick: float = 0.01) 
 
 def one_side(config: RunConfig, side_time: float) -> RunConfig:
     """
-    Return the scenario that flies the square's first side in ``side_time`` s.
+    Return the scenario that follows the square's first side in ``side_time`` s.
 
-    A side passes every elbow angle of the square.
+    A side covers every elbow angle of the square.
     """
     return replace(
         config,

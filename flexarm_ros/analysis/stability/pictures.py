@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pictures of docs/stability.md, from the tables in docs/data."""
+"""The figures of docs/stability.md, from the tables in docs/data."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ NAMES = {'pd': 'PD (20)', 'fls': 'FLS (21)'}
 PAPER_POINTS = ((9.0, 1.238), (6.75, 0.9289))
 PHYSICAL_POINTS = ((9.0, 31.2), (6.75, 23.4))
 BEYOND_MS = 200.0
-"""Where boundaries that lie beyond what was searched are drawn: off the picture."""
+"""Value for boundaries beyond the search limit: outside the figure."""
 
 Rows = list[dict[str, str]]
 Figures = Callable[[Path], 'Figure']
 
 
 def read(data: Path, name: str, **equal: str) -> Rows:
-    """Return the rows of a table whose columns have the given texts."""
+    """Return the rows of a table with the given texts in the given columns."""
     with (data / f'{name}.csv').open(newline='', encoding='utf-8') as file:
         return [
             row
@@ -61,12 +61,12 @@ def read(data: Path, name: str, **equal: str) -> Rows:
 
 
 def column(rows: Rows, name: str, missing: float = float('nan')) -> Any:
-    """Return a column as numbers, ``missing`` where it is empty."""
+    """Return a column as numbers, ``missing`` for empty cells."""
     return np.array([float(row[name]) if row[name] else missing for row in rows])
 
 
 def draw_all(data: Path, images: Path) -> list[Path]:
-    """Write every picture as PNG and return the paths."""
+    """Write every figure as PNG and return the paths."""
     figures: dict[str, Figures] = {
         'location_latency': location_latency, 'hub_latency': hub_latency, 'speed': speed,
         'fls_gain': fls_gain, 'fls_sweep': fls_sweep, 'elastic_growth': elastic_growth,
@@ -82,7 +82,7 @@ def draw_all(data: Path, images: Path) -> list[Path]:
 
 
 def _flown_dots(axis: Axes, rows: Rows, x_name: str) -> None:
-    """Mark each flown run by how it ended."""
+    """Mark each simulated run by its outcome."""
     x, y = column(rows, x_name), 1e3 * column(rows, 'tip_sensor.latency')
     stable = np.array([row['outcome'] == 'stable' for row in rows])
     axis.plot(x[stable], y[stable], 'o', color=GREEN, ms=4, mfc='white', label='flown: stable')
@@ -107,7 +107,7 @@ def _paper_points(axis: Axes) -> None:
 
 
 def _predicted(axis: Axes, x: Any, lines: Rows) -> None:
-    """Draw the latencies at which the linear analysis has the loop unstable."""
+    """Draw the latencies at which the linear analysis predicts instability."""
     least, most = (column(lines, f'linear_{n}_ms', BEYOND_MS) for n in ('least', 'most'))
     axis.fill_between(x, least, most, color=SKY, alpha=0.3, lw=0, label='linear: at some poses')
     axis.plot(x, least, color=BLUE, lw=2.0, label='linear: from here at the worst pose')
@@ -128,7 +128,7 @@ def _flown_at_speed(axis: Axes, x: Any, lines: Rows) -> None:
 
 
 def location_latency(data: Path) -> Figure:
-    """Draw the boundary over the sensor's place and its latency, measurand rigid."""
+    """Draw the boundary over the sensor location and its latency, measurand rigid."""
     figure = new_figure(10.0, 5.4)
     axes = figure.subplots(1, 2, sharey=True)
     for axis, law in zip(axes, NAMES, strict=True):
@@ -200,7 +200,7 @@ def hub_latency(data: Path) -> Figure:
 
 
 def speed(data: Path) -> Figure:
-    """Draw flown boundaries over the speed, with the linear ones as levels."""
+    """Draw simulated boundaries over the speed, with the linear ones as levels."""
     figure = new_figure(7.2, 4.4)
     axis = figure.subplots()
     colors = iter((BLUE, SKY, ORANGE, AMBER))
@@ -227,7 +227,7 @@ def speed(data: Path) -> Figure:
 
 
 def fls_gain(data: Path) -> Figure:
-    """Draw the largest stable gain over the elbow angle, and what FLS makes of it in flight."""
+    """Draw the largest stable gain over the elbow angle, and the gain of FLS in a run."""
     figure = new_figure(8.6, 5.0)
     axis = figure.subplots()
     lines = (
@@ -309,7 +309,7 @@ def fls_sweep(data: Path) -> Figure:
 
 
 def elastic_growth(data: Path) -> Figure:
-    """Draw the growth rates of loops on the true point over its place."""
+    """Draw the growth rates of loops with feedback of the true point over its location."""
     figure = new_figure(9.0, 4.2)
     axes = figure.subplots(1, 2, sharey=True)
     for axis, law in zip(axes, NAMES, strict=True):

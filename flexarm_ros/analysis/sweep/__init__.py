@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Many scenarios in parallel: workers, the table they fill, its pictures.
+Many scenarios in parallel: workers, the resulting table, its figures.
 
 Imports core, stability, wire, scenario and bag; no ROS.
 """

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where the runs of a sweep are computed: processes of this machine, or a Dask cluster.
+Execution of a sweep's runs: in local processes, or on a Dask cluster.
 
-Each run depends on its own scenario only, so the rows are the same whatever computes them,
-and in whatever order they come.
+Each run depends only on its own scenario, so the rows do not depend on the engine or on the
+order of execution.
 """
 
 from __future__ import annotations
@@ -50,29 +50,29 @@ _MOST_CRASHES = 100
 
 
 class EngineError(Exception):
-    """The engine cannot be used: no such cluster, no Dask, other code on its workers."""
+    """The engine cannot be used: no cluster, no Dask, or other code on its workers."""
 
 
 def chunks(tasks: Sequence[Task], workers: int) -> list[Sequence[Task]]:
-    """Return tasks in portions: few messages, but enough portions to share them evenly."""
+    """Return tasks in portions, few enough for low overhead and enough for balance."""
     size = max(1, min(_LARGEST_CHUNK, len(tasks) // (workers * 8)))
     return [tasks[i:][:size] for i in range(0, len(tasks), size)]
 
 
 class LocalPool:
-    """Runs tasks in processes of this machine; a process that dies costs one row."""
+    """Runs tasks in local processes; a process that dies costs one row."""
 
     def __init__(self, bases: Sequence[RunConfig], workers: int) -> None:
         self._bases, self._workers = bases, workers
         self._context = spawn_context()
 
     def rows(self, tasks: Sequence[Task], stop: Stop) -> Iterator[Row]:
-        """Yield rows as they are done; leaves undone what is not when ``stop()`` says so."""
+        """Yield rows as they are done; stops early once ``stop()`` is true."""
         waiting = chunks(tasks, self._workers)[::-1]
         crashes = 0
         while waiting:
             lost = yield from self._fly(waiting, self._workers, 2 * self._workers, stop)
-            # One after the other, the run that kills its process can be told from the rest.
+            # One at a time, to identify the run that kills its process.
             suspects: list[Sequence[Task]] = [[task] for task in reversed(lost)]
             while suspects:
                 for index, _, _ in (yield from self._fly(suspects, 1, 1, stop)):
@@ -82,7 +82,7 @@ class LocalPool:
                     raise EngineError(f'{crashes} worker processes have died')
 
     def close(self) -> None:
-        """Nothing to leave: every pool ends with its work."""
+        """Do nothing: every pool ends with its work."""
 
     def _fly(
         self, waiting: list[Sequence[Task]], workers: int, ahead: int, stop: Stop
@@ -90,7 +90,7 @@ class LocalPool:
         """
         Yield rows of ``waiting``, taken from its end, at most ``ahead`` portions at a time.
 
-        Returns the tasks that a pool had that died; the rest is still in ``waiting``.
+        Returns the tasks of a pool that died; the others are still in ``waiting``.
         """
         event = self._context.Event()
         pool = ProcessPoolExecutor(workers, self._context, start_worker, (self._bases, event))
@@ -107,7 +107,7 @@ class LocalPool:
                 done, _ = wait(flying, timeout=_POLL_S, return_when=FIRST_COMPLETED)
                 for future in done:
                     yield from _rows_or_lost(future, flying.pop(future), lost)
-        except BrokenProcessPool:  # by submit: the tasks are still in ``waiting``
+        except BrokenProcessPool:  # from submit: the tasks are still in ``waiting``
             pass
         finally:
             if not lost:  # else SIGTERM ends them, perhaps while they hold the event's lock
@@ -146,7 +146,7 @@ class DaskCluster:
         self._check_workers(address)
 
     def _check_workers(self, address: str) -> None:
-        """Refuse a cluster without workers, or with other code, whose numbers would differ."""
+        """Refuse a cluster without workers, or with other code, which may give other numbers."""
         found = self._client.run(code_version)
         if not found:
             self.close()
@@ -160,7 +160,7 @@ class DaskCluster:
         self._workers = len(found)
 
     def rows(self, tasks: Sequence[Task], stop: Stop) -> Iterator[Row]:
-        """Yield rows as they are done; leaves undone what is not when ``stop()`` says so."""
+        """Yield rows as they are done; stops early once ``stop()`` is true."""
         bases = self._client.scatter(tuple(self._bases), broadcast=True, hash=False)
         parts = chunks(tasks, self._workers)
         futures = {
@@ -187,7 +187,7 @@ class DaskCluster:
             return
 
     def close(self) -> None:
-        """Leave the cluster."""
+        """Disconnect from the cluster."""
         self._client.close()
 
 

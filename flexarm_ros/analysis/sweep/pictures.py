@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Pictures of a sweep: a map over two parameters, or a curve.
+Figures of a sweep: a map over two parameters, or a curve.
 
-A map shows where runs survived, and beside it where the linear analysis has the loop stable.
+A map shows which runs survived, and the stability boundary of the linear analysis.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ _METRIC_UNITS = {'max_torque': 'N m', 'ticks': '', 'unstable_tick': ''}
 @dataclass(frozen=True)
 class _Cells:
     """
-    One picture's data over x and y.
+    One figure's data over x and y.
 
-    The median value of the runs that survived, the share of those, and the number of the point.
+    The median value of the surviving runs, their share, and the index of the point.
     """
 
     title: str
@@ -71,11 +71,10 @@ def write_pictures(
     sweep: Sweep, table: Table, out: Path, linear: Linear | None = None
 ) -> list[Path]:
     """
-    Draw the sweep's map or curve, one picture for each point of the other axes.
+    Draw the sweep's map or curve, one figure for each point of the other axes.
 
-    Unstable runs have no colour; one line is where half of the runs reach their end, others where
-    the ``linear`` analysis has the loop unstable.  Nothing is drawn for a sweep without a numeric
-    axis.
+    Unstable runs have no colour; one line marks where half of the runs reach their end, others
+    the boundary of the ``linear`` analysis.  A sweep without a numeric axis has no figures.
     """
     plan = sweep.plan
     if plan is None or plan.value not in table:
@@ -126,7 +125,7 @@ def _cells(sweep: Sweep, table: Table, fixed: dict[str, str]) -> _Cells:
 
 
 def _positions(column: Sequence[Any]) -> list[float]:
-    """Return where values are drawn; of an array of two the first one counts."""
+    """Return the coordinates of values; for an array of two, the first one."""
     return [numbers_in(str(v))[0] for v in column]
 
 
@@ -154,7 +153,7 @@ def _map_figure(sweep: Sweep, cells: _Cells, linear: Linear | None) -> Figure:
 
 
 def _linear(axis: Axes, cells: _Cells, linear: Linear) -> str:
-    """Draw where the loop about rest becomes unstable; return what there is to say about it."""
+    """Draw the linear stability boundary; return notes about it."""
     limits = axis.get_xlim(), axis.get_ylim()
     points = [int(point) for point in cells.point.ravel() if point >= 0]
     if any(point in linear.rates for point in points):
@@ -182,7 +181,7 @@ Place = tuple[float, float]
 
 
 def _crossed(cells: _Cells, crossings: dict[tuple[int, int], float]) -> Iterator[list[Place]]:
-    """Yield the pieces of a boundary: within each square of points, from side to side."""
+    """Yield the segments of a boundary: within each square of points, from side to side."""
     rows, columns = cells.point.shape
     for row, column in np.ndindex(rows - 1, columns - 1):
         corners = [(row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column)]
@@ -196,7 +195,7 @@ def _on_side(
     cells: _Cells, crossings: dict[tuple[int, int], float],
     first: tuple[int, int], second: tuple[int, int],
 ) -> Place | None:  # fmt: skip
-    """Return where a boundary crosses the side between two neighbours, row and column each."""
+    """Return where a boundary crosses the side between two neighbours (row, column)."""
     one, other = sorted((first, second), key=lambda corner: int(cells.point[corner]))
     part = crossings.get((int(cells.point[one]), int(cells.point[other])))
     if part is None:
@@ -206,7 +205,7 @@ def _on_side(
 
 
 def _survived(axis: Axes, cells: _Cells) -> None:
-    """Draw where the share of runs that reach their end passes a half: along the cells' edges."""
+    """Draw where the share of runs that reach their end crosses 0.5, along the cells' edges."""
     stable = cells.share >= 0.5
     known = np.isfinite(cells.share)
     x, y = _edges(cells.x), _edges(cells.y)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The directory of a sweep: rows as they come, and the table that is made of them.
+The directory of a sweep: the rows, and the table made from them.
 
-``rows.jsonl`` grows by a line a run, so that a sweep that was cut off goes on where it
-stopped; ``table.csv`` (and ``table.parquet``) is written from it, ordered, and is the same
-whatever computed the rows and however often it was cut off.
+``rows.jsonl`` gets one line per run, so that an interrupted sweep can continue; ``table.csv``
+(and ``table.parquet``) is written from it, sorted, and does not depend on the engine or on
+interruptions.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class SweepStore:
         self._file.close()
 
     def _claim(self) -> None:
-        """Write what the directory is for, or check that it is for this."""
+        """Write the identity of the sweep, or check that the directory belongs to it."""
         path = self.directory / IDENTITY
         if not path.exists():
             if any(self.directory.iterdir()):
@@ -101,7 +101,7 @@ class SweepStore:
             )
 
     def _read(self) -> None:
-        """Take the rows of earlier; a last line that was cut off is dropped."""
+        """Read existing rows; a truncated last line is dropped."""
         self._file.seek(0)
         data = self._file.read()
         whole = data[: data.rfind(b'\n') + 1]
@@ -117,11 +117,11 @@ class SweepStore:
                 self.rows[row['index']] = row
 
     def missing(self) -> list[int]:
-        """Return the indices of the runs that are still to be done."""
+        """Return the indices of the runs without a row."""
         return [index for index in range(self._sweep.count) if index not in self.rows]
 
     def add(self, row: Row) -> None:
-        """Take a row and hand it to the operating system."""
+        """Append a row and flush it to the operating system."""
         self.rows[row['index']] = row
         with naming(self.directory / ROWS):
             self._file.write(json.dumps(row).encode() + b'\n')
@@ -133,21 +133,21 @@ class SweepStore:
         return {outcome: n for outcome in OUTCOMES if (n := outcomes.count(outcome))}
 
     def write(self) -> tuple[Table, list[Path]]:
-        """Write the table and return it and its files; Parquet where pyarrow is installed."""
+        """Write the table; return it and its files.  Parquet needs pyarrow."""
         table = make_table(self._sweep, self.rows)
         path = self.write_table(TABLE, table)
         parquet = write_parquet(table, self.directory / PARQUET)
         return table, [path, *([parquet] if parquet else [])]
 
     def write_table(self, name: str, table: Table) -> Path:
-        """Write columns as a CSV file of the directory and return it."""
+        """Write columns as a CSV file of the directory and return its path."""
         path = self.directory / name
         _replace(path, csv_text(table))
         return path
 
 
 def make_table(sweep: Sweep, rows: dict[int, Row]) -> Table:
-    """Return the table of the rows that there are, ordered by index."""
+    """Return the table of the existing rows, ordered by index."""
     ordered = [rows[index] for index in sorted(rows)]
     table: Table = {'index': [row['index'] for row in ordered]}
     swept = [sweep.case(row['index']).values for row in ordered]
@@ -165,7 +165,7 @@ def make_table(sweep: Sweep, rows: dict[int, Row]) -> Table:
 
 
 def _typed(texts: Sequence[str]) -> list[Cell]:
-    """Return texts as numbers where all of them are."""
+    """Return texts as numbers if all of them are numbers."""
     try:
         return [int(text) for text in texts]
     except ValueError:
@@ -177,7 +177,7 @@ def _typed(texts: Sequence[str]) -> list[Cell]:
 
 
 def csv_text(table: Table) -> str:
-    """Return a table as CSV: numbers that read back exactly, nothing where nothing is known."""
+    """Return a table as CSV; numbers are exact, unknown values empty."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
     writer.writerow(table)
@@ -198,7 +198,7 @@ def _cell(value: Cell) -> str:
 
 
 def write_parquet(table: Table, path: Path) -> Path | None:
-    """Write a table as Parquet and return the file; None where pyarrow is not installed."""
+    """Write a table as Parquet and return the file; None if pyarrow is not installed."""
     try:
         import pyarrow
         import pyarrow.parquet

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-One run of a sweep, in whatever process it lands: metrics only, no files.
+One run of a sweep, in any process: metrics only, no files.
 
-Numpy and the compiled core are imported within the functions, so that a worker can first
-say that its linear algebra shall use one thread.
+Numpy and the compiled core are imported within the functions, so that a worker can first limit
+its linear algebra to one thread.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.warned import allow_warnings
 
 Task = tuple[int, int, tuple[str, ...]]
-"""Index of the run, number of its scenario, overrides."""
+"""Index of the run, index of its scenario, overrides."""
 
 Row = dict[str, Any]
 """``index``, ``outcome``, ``error``, ``unstable_tick`` and the metrics of ``summary.json``."""
@@ -42,15 +42,15 @@ _STOP_EVERY = 512
 
 
 class Stopped(Exception):
-    """The sweep is being ended; the run is left undone."""
+    """The sweep is being stopped; the run is incomplete."""
 
 
 def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
     """
-    Fly a scenario in this process and return how it ended and its metrics.
+    Simulate a scenario in this process and return its outcome and metrics.
 
-    The numbers are those of ``summary.json`` of ``flexarm simulate``.  Raises Stopped if
-    ``stop()``, asked every 512 ticks, says so.
+    The numbers are those of ``summary.json`` of ``flexarm simulate``.  Raises Stopped once
+    ``stop()``, called every 512 ticks, is true.
     """
     from flexarm_ros.core.run.loop import ClosedLoop
     from flexarm_ros.core.run.metrics import Metrics
@@ -79,7 +79,7 @@ def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
 def run_task(
     bases: Sequence[RunConfig], task: Task, stop: Callable[[], bool] = lambda: False
 ) -> Row:
-    """Return the row of one run; whatever goes wrong becomes part of it."""
+    """Return the row of one run; an error becomes part of it."""
     from flexarm_ros.scenario import ScenarioError, with_values
 
     index, base, overrides = task
@@ -99,20 +99,20 @@ _stop: Event | None = None
 
 
 def start_worker(bases: Sequence[RunConfig], stop: Event) -> None:
-    """Prepare a worker process: the scenarios, no signals of the terminal, one thread."""
+    """Prepare a worker process: the scenarios, no terminal signals, one thread."""
     global _bases, _stop
     _bases, _stop = bases, stop
     allow_warnings()
     os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'
-    # Signals to the parent's process group, from a terminal above all, are for the parent alone.
-    # To ignore SIGTERM instead will not do: since Python 3.12 a pool that has lost a process ends
-    # the others by it.
+    # Signals to the process group, as from a terminal, are handled by the parent alone.
+    # SIGTERM is not ignored: since Python 3.12 a pool that has lost a process uses it to end the
+    # others.
     os.setpgid(0, 0)
     threading.Thread(target=_follow_parent, daemon=True).start()
 
 
 def _follow_parent() -> None:
-    """Leave when the parent has died: nobody would take the results."""
+    """Exit once the parent has died, since no process would take the results."""
     parent = parent_process()
     if parent is not None:
         parent.join()
@@ -139,7 +139,7 @@ def run_tasks_remotely(bases: Sequence[RunConfig], tasks: Sequence[Task]) -> lis
 
 
 def code_version() -> dict[str, str]:
-    """Return what decides the numbers: versions of packages and a digest of the code."""
+    """Return what determines the numbers: versions of packages and a digest of the code."""
     from flexarm_ros.bag.provenance import Provenance
 
     here = Provenance.here()

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the report page is made of: a template, its style and its script."""
+"""Assets of the report page: a template, its style and its scripts."""
