@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags: message codecs, MCAP writing and reading, CSV and summary.  Never imports rclpy."""
+"""Bags: message codecs, MCAP reading and writing, CSV and summary.  Never imports rclpy."""

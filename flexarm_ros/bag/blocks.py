@@ -26,9 +26,9 @@ from flexarm_ros.wire.topics import Topic
 @dataclass(frozen=True)
 class Block:
     """
-    Whole ticks ``first``, ``first + 1``, ... of a run.
+    Complete ticks ``first``, ``first + 1``, ... of a run.
 
-    Of each topic, in canonical order: ``stamps``, shape ``(n,)``, ns, and
+    For each topic, in canonical order: ``stamps``, shape ``(n,)``, ns, and
     ``values``, shape ``(n, fields)``, columns as in ``topic.codec.fields``.
     """
 
@@ -42,9 +42,9 @@ class Block:
 
 def decode_ticks(topics: Sequence[Topic], first: int, ticks: Sequence[Sequence[bytes]]) -> Block:
     """
-    Decode whole ticks, each with the messages of ``topics`` in order.
+    Decode complete ticks, each with the messages of ``topics`` in order.
 
-    Raises ValueError where a message cannot be decoded.
+    Raises ValueError for a message that cannot be decoded.
     """
     columns = [
         topic.codec.decode_block([tick[i] for tick in ticks]) for i, topic in enumerate(topics)

@@ -36,12 +36,12 @@ STAMP = 'stamp_ns'
 @dataclass
 class FieldDifference:
     """
-    How far one field of one topic is apart in the two runs.
+    The difference of one field of one topic between the two runs.
 
     ``largest`` and ``rms`` are of |A - B| (equal infinities and two NaN
-    count as equal, NaN against a number as infinite), ``at_ns`` the time since
-    the start of the largest, ``first_ns`` that of the first beyond tolerance,
-    None where there is none; ``beyond`` counts those.
+    count as equal, NaN against a number as infinite), ``at_ns`` is the time since
+    the start of the largest, ``first_ns`` that of the first beyond tolerance (None
+    without one), ``beyond`` the number of those.
     """
 
     topic: str
@@ -62,12 +62,11 @@ class FieldDifference:
 @dataclass
 class Comparison:
     """
-    What came of a comparison.
+    The result of a comparison.
 
-    ``fields`` in order of topics; ``only_a`` and ``only_b`` count messages of
-    each topic at times that the other run does not have; ``parameters`` tells
-    what the scenarios differ in; ``notes`` what could not be compared;
-    ``damaged`` that a bag breaks off or is damaged.
+    ``fields`` is in order of topics; ``only_a`` and ``only_b`` count messages of each topic
+    at times that the other run does not have; ``parameters`` lists the differences of the
+    scenarios, ``notes`` what could not be compared; ``damaged``: a bag is truncated or damaged.
     """
 
     fields: list[FieldDifference] = field(default_factory=list)
@@ -79,12 +78,12 @@ class Comparison:
 
     @property
     def compared(self) -> int:
-        """Number of values that were compared."""
+        """Number of compared values."""
         return sum(field.count for field in self.fields)
 
     @property
     def within(self) -> bool:
-        """Whether all fields are within tolerance and no message is without counterpart."""
+        """Whether all fields are within tolerance and every message has a counterpart."""
         return (
             self.compared > 0
             and not self.damaged
@@ -97,7 +96,7 @@ class Comparison:
 
 
 class _Side:
-    """One run, read in step with the other: what has been read and not yet compared."""
+    """One run, read in step with the other, and its messages not yet compared."""
 
     def __init__(self, reader: BagReader) -> None:
         self.reader = reader
@@ -113,7 +112,7 @@ class _Side:
         self.ended, self.empty = False, True
 
     def read(self) -> None:
-        """Read the next batch behind what is held."""
+        """Read the next batch and append it."""
         group = next(self._source, None)
         if group is None:
             self.ended, self.until = True, 1 << 62
@@ -133,7 +132,7 @@ class _Side:
                 self.until = max(self.until, int(times[-1]) + 1)
 
     def take(self, path: str, until: int) -> tuple[IntArray, FloatArray]:
-        """Take the rows of a topic before time ``until``."""
+        """Remove and return the rows of a topic before time ``until``."""
         empty = (np.zeros(0, np.int64), np.zeros((0, len(self.names.get(path, ())))))
         times, table = self.rows.get(path, empty)
         cut = int(np.searchsorted(times, until))
@@ -153,10 +152,9 @@ def compare(
     Compare the messages of two runs at equal times since the start.
 
     A field is beyond tolerance where |A - B| > absolute + relative |B|.
-    Fields of the same name are compared, in topics that both have; stamps in
-    ns.  ``given`` is the scenario of runs that have none and ``namespace`` that
-    of runs in another recorder's bag.  Raises BagError where a run cannot be read
-    or has no message.
+    Fields of the same name are compared, in topics that both have; stamps in ns.
+    ``given`` is the scenario of runs that have none and ``namespace`` that of runs in
+    another recorder's bag.  Raises BagError if a run cannot be read or has no message.
     """
     a, b = (_Side(open_run(run, given, namespace)) for run in (run_a, run_b))
     if given is not None and a.reader.own and b.reader.own:
@@ -242,14 +240,14 @@ def _accumulate(
 
 
 def _external(readers: Mapping[str, BagReader]) -> Iterator[str]:
-    """Tell which nodes of which run were external."""
+    """Yield a note on the external nodes of each run."""
     for name, reader in readers.items():
         if reader.provenance.foreign:
             yield f'external nodes in {name}: {", ".join(reader.provenance.foreign)}'
 
 
 def _parameters(reader_a: BagReader, reader_b: BagReader) -> Iterator[str]:
-    """Tell each parameter in which two scenarios differ; nothing where one has none."""
+    """Yield each parameter that differs between the scenarios; none if one is missing."""
     if not (reader_a.has_scenario and reader_b.has_scenario):
         return
     a, b = reader_a.config, reader_b.config

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One number for all messages of a bag: equal digests, equal runs."""
+"""A SHA-256 of all messages of a bag, equal for equal runs."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _FRAME = struct.Struct('<QQ')
 
 def digest_of(run: str | os.PathLike[str]) -> str:
     """
-    Return the SHA-256, in hexadecimal, of topic, log time and bytes of every message of RUN.
+    Return the hexadecimal SHA-256 of topic, log time and bytes of every message of RUN.
 
-    For each topic, in order of name (as UTF-8): the topic's length and name, then
-    the SHA-256 of its messages in the order of the bag, each as log time (ns),
-    length and bytes; numbers are of 64 bits, little endian.  What is not a message
-    (scenario, versions, chunks, index) does not count.
+    For each topic, sorted by name (as UTF-8): length and name of the topic, then the SHA-256
+    of its messages in the order of the bag, each as log time (ns), length and bytes; numbers
+    have 64 bits, little endian.  Everything else (scenario, versions, chunks, index) does
+    not count.
 
-    Raises BagError where RUN is no bag, is damaged, or holds no message.
+    Raises BagError if RUN is no bag, is damaged, or holds no message.
     """
     hashes: dict[str, hashlib._Hash] = {}
     for file in open_files(run):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What stands in a bag before its messages: scenario, parameters, provenance."""
+"""The records before the messages of a bag: scenario, parameters, provenance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
 
 FORMAT = '1'
-"""Version of what this package puts into a bag beside the messages."""
+"""Version of the records that this package adds to a bag."""
 
 SCENARIO_FILE = 'scenario.yaml'
 TORQUES_FILE = 'torques.csv'
@@ -42,7 +42,7 @@ VERSIONS_RECORD = 'flexarm_ros.versions'
 
 
 def bag_config(config: RunConfig) -> RunConfig:
-    """Return the scenario as it travels in a bag: without paths of this machine."""
+    """Return the scenario as stored in a bag, without paths of this machine."""
     law_file = config.controller.torque_file
     return replace(
         config,
@@ -76,7 +76,7 @@ def attachments(config: RunConfig, provenance: Provenance) -> list[tuple[str, st
     """
     Return ``(name, media type, text)`` of scenario, provenance and, if any, torque rows.
 
-    Attachments have checksums of their own; it is from them that a bag is read.
+    Attachments have their own checksums; a bag is read from them.
     """
     found = [
         (SCENARIO_FILE, scenario.dump(bag_config(config))),

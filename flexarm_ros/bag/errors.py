@@ -12,30 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Errors of bags and runs' directories."""
+"""Errors of bags and output directories."""
 
 from __future__ import annotations
 
 
 class BagError(Exception):
-    """A bag or a run's directory that cannot be used; one line, fit to show a user."""
+    """A bag or an output directory cannot be used; one line for the user."""
 
 
 class BagExistsError(BagError):
-    """The place where a bag should be written is taken."""
+    """The path for a new bag exists already."""
 
 
 class BagMissingError(BagError):
-    """The run that is named does not exist."""
+    """The named run does not exist."""
 
 
 class BagFormatError(BagError):
-    """Bytes that are no MCAP bag, or a damaged one."""
+    """The file is not an MCAP bag, or is damaged."""
 
 
 class BagLimitError(BagError):
-    """A bag that would need more memory than is allowed."""
+    """The bag would need more memory than allowed."""
 
 
 class BagContentError(BagError):
-    """A sound bag that is not a run of this package (topics, scenario, ticks)."""
+    """The bag is intact but not a run of this package (topics, scenario, ticks)."""

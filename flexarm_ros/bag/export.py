@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bag as files: a table a topic, the trajectory (CSV or Parquet), the scenario to fly again."""
+"""Export of a bag: a table per topic, the trajectory (CSV or Parquet), the scenario."""
 
 from __future__ import annotations
 
@@ -38,18 +38,17 @@ from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from flexarm_ros.wire.topics import Topic
 
 CHANGES_FILE = 'changes.csv'
-"""Parameters that were changed while the run went on; a scenario has no place for them."""
+"""Parameters changed during the run, which a scenario cannot express."""
 NO_PYARROW = 'parquet needs pyarrow, which is not installed: pip install pyarrow'
 
 
 @dataclass(frozen=True)
 class Exported:
     """
-    What was exported.
+    The result of an export.
 
-    ``rows`` of each file; ``damage``: where the bag breaks off, empty if it does
-    not; ``notes``: what is missing or was left out; ``has_scenario``: whether
-    ``scenario.yaml`` was written.
+    ``rows`` of each file; ``damage``: where the bag is damaged, empty if intact; ``notes``:
+    what is missing or left out; ``has_scenario``: whether ``scenario.yaml`` was written.
     """
 
     rows: dict[str, int]
@@ -59,7 +58,7 @@ class Exported:
 
 
 def table_name(topic: Topic) -> str:
-    """Return the name of a topic's file without its ending: ``plant_state``."""
+    """Return the name of a topic's file without its suffix: ``plant_state``."""
     return topic.path.strip('/').replace('/', '_')
 
 
@@ -78,15 +77,13 @@ def export(
     """
     Write the tables of RUN into a new directory.
 
-    Each topic has a file with the columns tick, stamp_ns (the message's own
-    stamp) and its fields; ``trajectory`` has the columns of ``trajectory.csv``
-    (:mod:`flexarm_ros.bag.trajectory` tells for which ticks).  ``scenario.yaml``
-    (with ``torques.csv`` where there are such) flies it again; parameters that
-    were changed on the way are in ``changes.csv``.  These are left out where there
-    is no scenario (``given`` and ``namespace``: see `BagReader`).  A damaged bag
-    is exported as far as it goes.  Raises BagError, BagContentError where there
-    is no message, BagExistsError where ``directory`` exists; nothing is left then
-    of what was written.
+    Each topic has a file with the columns tick, stamp_ns (the message's own stamp) and its
+    fields; ``trajectory`` has the columns of ``trajectory.csv`` (for its ticks see
+    :mod:`flexarm_ros.bag.trajectory`).  ``scenario.yaml`` (with ``torques.csv`` if needed)
+    repeats the run; parameters changed during the run are in ``changes.csv``.  These are left
+    out without a scenario (``given`` and ``namespace``: see `BagReader`).  A damaged bag is
+    exported up to the damage.  Raises BagError, BagContentError for a bag without messages,
+    BagExistsError if ``directory`` exists; partial output is removed.
     """
     reader, target = BagReader(run, given, namespace), Path(directory)
     if file_format == 'parquet':
@@ -114,7 +111,7 @@ def export(
 
 def _write_scenario(reader: BagReader, target: Path) -> None:
     text = scenario.dump(bag_config(reader.config))
-    if reader.unknown:  # as it is: with what this version does not know
+    if reader.unknown:  # verbatim, with the parts that this version does not know
         text = reader.front.attachments[SCENARIO_FILE].decode()
     write_atomically(target / SCENARIO_FILE, text)
     if reader.config.torques:
@@ -160,7 +157,7 @@ def _trajectory(reader: BagReader) -> Iterator[list[list[Any]]]:
 
 
 class _CsvFile:
-    """Numbers with the shortest text that reads back exactly."""
+    """A CSV file of numbers in the shortest text that reads back exactly."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
         self.name, self.rows = path.name, 0
@@ -179,7 +176,7 @@ class _CsvFile:
 
 
 class _ParquetFile:
-    """Columns of int64, then of float64."""
+    """A Parquet file with columns of int64, then of float64."""
 
     def __init__(self, path: Path, columns: Sequence[str], integers: int) -> None:
         arrow, parquet = _pyarrow()

@@ -13,18 +13,17 @@
 # limitations under the License.
 
 """
-Which tick each message belongs to in a bag that another recorder wrote.
+Matching of messages to ticks in a bag of another recorder.
 
-Log times are those of receipt there, topics may lie in a namespace, messages may
-be missing, and there is no scenario.  The stamp tells the tick of clock, state,
-reference and command: t0 + k T.  A sensor's stamp lags by its latency; its tick is
-told by
+There the log time is that of receipt, topics may be in a namespace, messages may be missing,
+and there is no scenario.  The stamp gives the tick of clock, state, reference and command:
+t0 + k T.  A sensor's stamp lags by its latency; its tick follows from
 
-1. the latency that the scenario gives, if each message then has a tick of its own;
-2. the place in the sequence, if the topic has one message for each tick of the bag;
+1. the latency in the scenario, if each message then has a distinct tick;
+2. the sequence number, if the topic has one message for each tick of the bag;
 3. a constant lag, if first and last message have the same against the bag's first and last tick.
 
-Else the topic is left out and `Match.notes` says so.
+Otherwise the topic is left out with a note in `Match.notes`.
 """
 
 from __future__ import annotations
@@ -62,7 +61,7 @@ from flexarm_ros.wire.topics import (
 import numpy as np
 
 UNKNOWN = -1
-"""Tick of a message of which it cannot be told."""
+"""Tick of a message that cannot be matched."""
 
 _CHANGES = -1
 _KNOWN = {(topic.path, topic.type_name): i for i, topic in enumerate(topics_of(1))}
@@ -76,12 +75,11 @@ _SHOWN = 8
 @dataclass
 class Match:
     """
-    What a survey of the whole bag found.
+    The result of a survey of the whole bag.
 
-    ``index``: of each file, ``{channel: topic}``.  ``names``: of each topic
-    that the bag has, its name there.  ``ticks``: of each topic the tick of each
-    message in the order of the bag.  ``notes`` says what is left out, ``gaps``
-    what is missing between the first and the last tick.
+    ``index``: for each file, ``{channel: topic}``.  ``names``: for each topic in the bag, its
+    name there.  ``ticks``: for each topic, the tick of each message in the order of the bag.
+    ``notes``: what is left out; ``gaps``: what is missing between the first and the last tick.
     """
 
     topics: tuple[Topic, ...]
@@ -104,12 +102,12 @@ def match(
     namespace: str | None, preferred: str = '',
 ) -> Match:  # fmt: skip
     """
-    Survey a bag: ``config`` is its scenario if there is one, ``namespace`` that of the run.
+    Survey a bag; ``config`` is its scenario if known, ``namespace`` that of the run.
 
-    Where ``namespace`` is None and there are runs in several, that in ``preferred`` is read.
+    If ``namespace`` is None and several hold runs, that in ``preferred`` is read.
 
-    Raises BagContentError where no topic of a run is in it, several runs are, or
-    stamps are at no tick.
+    Raises BagContentError if the bag holds no topic of a run, or several runs, or stamps that
+    are not those of a tick.
     """
     places = [{c: (name, _place(name, kind)) for c, name, kind in f.kinds()} for f in fronts]
     named = [entry for held in places for entry in held.values()]
@@ -142,7 +140,7 @@ def match(
 
 
 def _place(name: str, kind: str) -> _Place | None:
-    """Return namespace and topic that a name in a bag means, None if it is none of a run."""
+    """Return namespace and topic of a name in a bag, None if it is not a topic of a run."""
     for (ours, type_name), topic in _KNOWN.items():
         if name.endswith(ours) and kind == type_name and (topic != CLOCK or name == ours):
             return _Place(name.removesuffix(ours), topic)
@@ -180,7 +178,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 class _Survey:
-    """Stamps of all messages, and what else a scenario would tell."""
+    """Stamps of all messages, and estimates of what a scenario would give."""
 
     def __init__(
         self, files: Sequence[BagFile], index: Sequence[dict[int, int]], count: int
@@ -189,7 +187,7 @@ class _Survey:
         self._state = b''
         self._changes: dict[bytes, None] = {}
         for file, held in zip(files, index, strict=True):
-            with contextlib.suppress(Damage):  # said by whoever reads on
+            with contextlib.suppress(Damage):  # reported by the later reading
                 for message in file.messages():
                     topic = held.get(message.channel)
                     if topic == _CHANGES:
@@ -210,7 +208,7 @@ class _Survey:
             self._state = self._state or data
 
     def topics(self, last: int, period_ns: int) -> tuple[Topic, ...]:
-        """Return the topics that the messages show where no scenario tells."""
+        """Return the topics of the bag if there is no scenario, from its messages."""
         names: Sequence[str] = ()
         if self._state:
             with contextlib.suppress(ValueError):
@@ -220,17 +218,17 @@ class _Survey:
         return topics_of(modes or 1, further, clock_every=self._clock_every(period_ns))
 
     def _clock_every(self, period_ns: int) -> int:
-        """Return the ticks between messages on ``/clock`` where all are equally far apart."""
+        """Return the ticks between messages on ``/clock`` if they are evenly spaced."""
         steps = np.unique(np.diff(np.unique(np.array(self.stamps[CLOCK], np.int64))))
         every, rest = divmod(int(steps[0]), period_ns) if len(steps) == 1 else (1, 0)
         return 1 if rest else max(every, 1)
 
     def changes(self, path: Path, period_ns: int) -> tuple[Change, ...]:
-        """Return the parameters that were set while the run went on."""
+        """Return the parameters that were set during the run."""
         return tuple(change_of(path, data, period_ns) for data in self._changes)
 
     def timeline(self, path: Path, config: RunConfig | None) -> Timeline:
-        """Return the ticks of the run: the scenario's, or those that the stamps show."""
+        """Return the ticks of the run, from the scenario or from the stamps."""
         if config is not None:
             return Timeline.of(config.run)
         stamps = np.unique(np.concatenate([np.array(s) for s in self._exact()]))
@@ -250,7 +248,7 @@ class _Survey:
 def _assign(
     path: Path, stamps: Sequence[array[int]], config: RunConfig | None, found: Match
 ) -> None:
-    """Find the tick of every message, and say what is missing."""
+    """Find the tick of every message, and note what is missing."""
     ticks: dict[int, IntArray] = {
         topic: _exact_ticks(path, found, topic, np.array(stamps[topic], np.int64))
         for topic in (CLOCK, STATE, REFERENCE, COMMAND)
@@ -291,7 +289,7 @@ def _exact_ticks(path: Path, found: Match, topic: int, stamps: IntArray) -> IntA
 
 
 def _told(config: RunConfig | None, topic: int, period_ns: int) -> tuple[int | None, int]:
-    """Return a sensor's latency (ns) and the ticks that it holds a sample, as far as told."""
+    """Return a sensor's latency (ns) and the ticks for which it holds a sample, if known."""
     if config is None:
         return None, 1
     if topic == JOINT_STATES:
@@ -303,7 +301,7 @@ def _told(config: RunConfig | None, topic: int, period_ns: int) -> tuple[int | N
 def _sensor_ticks(
     stamps: IntArray, timeline: Timeline, lag: int | None, hold: int, span: tuple[int, int] | None
 ) -> IntArray | None:
-    """Return each message's tick by the rules of this module; None where none applies."""
+    """Return each message's tick by the rules of this module; None if none applies."""
     if not len(stamps):
         return stamps
     by_lag = None if lag is None else _lagging(stamps, timeline, lag, hold, span)
@@ -325,10 +323,10 @@ def _lagging(
     stamps: IntArray, timeline: Timeline, lag: int, hold: int, span: tuple[int, int] | None
 ) -> IntArray | None:
     """
-    Return ticks of stamps that lag by ``lag`` ns; None where one is then at no tick.
+    Return the ticks of stamps that lag by ``lag`` ns; None if one then has no tick.
 
-    Messages of one held sample follow one another; where the bag begins within
-    one, its last messages are there.
+    Messages of one held sample are consecutive; a bag that begins within one has its last
+    messages.
     """
     ticks, rest = np.divmod(stamps + lag - T0_NS, timeline.period_ns)
     if rest.any() or ticks.min() < 0 or ticks.max() >= timeline.ticks or (ticks % hold).any():
@@ -355,7 +353,7 @@ def _say_gaps(found: Match, ticks: dict[int, IntArray], span: tuple[int, int] | 
         found.gaps.append(f'no topic {", ".join(absent)}')
     for topic, name in sorted(found.names.items()):
         seen = np.unique(ticks[topic])
-        if UNKNOWN in seen:  # said already
+        if UNKNOWN in seen:  # noted already
             continue
         every = found.topics[topic].every
         due = np.arange(-(-first // every) * every, last + 1, every)
@@ -369,7 +367,7 @@ def _say_gaps(found: Match, ticks: dict[int, IntArray], span: tuple[int, int] | 
 
 
 def change_of(path: Path, data: bytes, period_ns: int) -> Change:
-    """Return a change that a message tells; BagContentError for one that makes no sense."""
+    """Return the parameter change in a message; BagContentError if it is invalid."""
     try:
         return changes.decode(data, period_ns)
     except ValueError as error:

@@ -29,10 +29,10 @@ import yaml
 
 VERSION = 9
 DISTRO = 'kilted'
-"""The distribution whose message definitions are in the bag."""
+"""The distribution of the message definitions in the bag."""
 
 MAX_BYTES = 256 * 1024
-"""Largest ``metadata.yaml`` that is read: hundreds of topics, and 3 s of a hostile one."""
+"""Largest ``metadata.yaml`` that is read: hundreds of topics; a hostile one takes 3 s."""
 
 _MALFORMED = (
     KeyError, TypeError, ValueError, RecursionError, AttributeError, OverflowError
@@ -42,7 +42,7 @@ _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 @dataclass(frozen=True)
 class BagTopic:
-    """What a bag says of one topic."""
+    """Description of one topic in a bag."""
 
     name: str
     type_name: str
@@ -52,7 +52,7 @@ class BagTopic:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes everything in full, without anchors."""
+    """Writes YAML in full, without anchors."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -94,8 +94,8 @@ def definition(type_name: str) -> tuple[str, str]:
     """
     Return a type's ``ros2msg`` text with all nested definitions, and its RIHS01 hash.
 
-    Always from the ``rosbags`` type store, so that a bag has the same bytes
-    whether ROS is there or not.
+    It is always taken from the ``rosbags`` type store, so that a bag has the same bytes with
+    and without ROS.
     """
     text, _ = typestore().generate_msgdef(type_name, ros_version=2)
     return text, typestore().hash_rihs01(type_name)
@@ -108,7 +108,7 @@ def bag_information(
     topics: Sequence[BagTopic],
     custom_data: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return what stands below ``rosbag2_bagfile_information``."""
+    """Return the content of ``rosbag2_bagfile_information``."""
     count = sum(topic.count for topic in topics)
     start = {'nanoseconds_since_epoch': start_ns}
     duration = {'nanoseconds': end_ns - start_ns}
@@ -149,9 +149,9 @@ def bag_information(
 
 def read_counts(path: Path) -> dict[str, int] | None:
     """
-    Return the messages of each topic that a ``metadata.yaml`` counts, None without a file.
+    Return the number of messages per topic in a ``metadata.yaml``, None without a file.
 
-    Raises BagContentError where it cannot be read or is not of that form.
+    Raises BagContentError if it cannot be read or is malformed.
     """
     information = _information(path)
     if information is None:
@@ -166,7 +166,7 @@ def read_counts(path: Path) -> dict[str, int] | None:
 
 
 def read_files(path: Path) -> frozenset[str]:
-    """Return the names of the files that a ``metadata.yaml`` lists; none where it does not."""
+    """Return the names of the files that a ``metadata.yaml`` lists, if any."""
     try:
         information = _information(path) or {'relative_file_paths': ()}
         return frozenset(Path(str(name)).name for name in information['relative_file_paths'])

@@ -15,8 +15,8 @@
 """
 The files beside a bag: ``trajectory.csv`` and ``summary.json``.
 
-Both are made from the recorded messages, by the same code for a run of nodes
-and for a simulation in one process, so that the two agree byte for byte.
+Both are computed from the recorded messages, by the same code for a run of nodes and for a
+simulation in one process, so that the two agree byte for byte.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _ROS_PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp')
 
 
 def block_rows(rows: Rows, block: Block) -> Iterable[Row]:
-    """Yield the rows of ``trajectory.csv`` of a block, one a tick."""
+    """Yield the rows of ``trajectory.csv`` of a block, one per tick."""
     state = block.values[STATE]
     count = state.shape[1] // 2
     coordinates = count - 2
@@ -80,8 +80,8 @@ def write_trajectory(
     """
     Write ``trajectory.csv`` and return the metrics of the run.
 
-    The file appears whole or not at all.  Numbers have the shortest text that
-    reads back exactly; ``nan`` stands where there is none.
+    The file is written atomically.  Numbers have the shortest text that reads back exactly;
+    missing ones are ``nan``.
     """
     rows, metrics = Rows(config, external), Metrics(config, external)
     path = directory / TRAJECTORY
@@ -113,10 +113,10 @@ def summary_of(
     problem: str = '',
 ) -> dict[str, Any]:
     """
-    Return what ``summary.json`` says of a run that has ended.
+    Return the content of ``summary.json`` for a run that has ended.
 
     ``unstable`` is the tick and the text of the state that ended the run.  ``external`` are the
-    roles of external nodes; parameters that are unused beside them are left out.
+    roles of external nodes; parameters that are unused with them are left out.
     """
     timeline = Timeline.of(config.run)
     ticks = metrics['ticks']
@@ -139,7 +139,7 @@ def summary_of(
 
 
 def unfinished_summary(config: RunConfig, provenance: Provenance) -> dict[str, Any]:
-    """Return what ``summary.json`` says while a run goes on, or after it was cut off."""
+    """Return the content of ``summary.json`` for a run that is in progress or was cut off."""
     metrics = {**dict.fromkeys(METRICS), 'ticks': 0}
     return {
         **summary_of(config, metrics, provenance),
@@ -151,7 +151,7 @@ def unfinished_summary(config: RunConfig, provenance: Provenance) -> dict[str, A
 
 
 def write_summary(directory: Path, summary: dict[str, Any]) -> None:
-    """Write ``summary.json``, whole or not at all; BagError on failure."""
+    """Write ``summary.json`` atomically; BagError on failure."""
     write_atomically(
         directory / SUMMARY, json.dumps(finite(summary), indent=2, allow_nan=False) + '\n'
     )

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where a bag comes from: versions of what computes its numbers, and the source's commit.
+Provenance of a bag: versions of the packages that its numbers depend on, and the source commit.
 
-Nothing here depends on the host, the user, the wall clock or on whether ROS
-can be imported: one scenario gives one bag, from ``run`` and from ``simulate``.
+It does not depend on host, user, wall clock or on whether ROS can be imported: one scenario
+gives one bag, from ``run`` and from ``simulate``.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from typing import Any
 import flexarm_ros
 
 PACKAGES = ('flexarm_ros', 'numpy', 'numba', 'llvmlite', 'mcap', 'rosbags', 'lz4', 'zstandard')
-"""Distributions that numbers or bytes of a bag depend on."""
+"""Packages that numbers or bytes of a bag depend on."""
 
 LAYERS = ('core', 'wire')
 """Parts of this package that numbers and bytes of a run's messages depend on."""
@@ -49,8 +49,8 @@ class Provenance:
     ``name`` of the scenario, ``versions`` of packages, ``commit`` and ``digest`` of the code.
 
     ``foreign`` names the roles of external nodes.
-    ``digest`` is the SHA-256 of the source of core and wire, which
-    tells changed code from released code where the commit cannot.
+    ``digest`` is the SHA-256 of the source of core and wire, which detects changed code even
+    if the commit is the same or unknown.
     """
 
     name: str = ''
@@ -61,16 +61,16 @@ class Provenance:
 
     @classmethod
     def here(cls, name: str = '', foreign: Iterable[str] = ()) -> Provenance:
-        """Return the provenance of what this process records."""
+        """Return the provenance of this process."""
         return cls(name, dict(_versions()), _commit(), _digest(), tuple(sorted(foreign)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON-ready data."""
+        """Return a JSON-compatible dict."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: Any) -> Provenance:
-        """Undo `to_dict`; TypeError or ValueError where ``data`` is not that."""
+        """Undo `to_dict`; TypeError or ValueError if ``data`` is invalid."""
         name, versions = data['name'], data['versions']
         foreign = tuple(data['foreign'])
         texts = [name, data['commit'], data['digest'], *foreign, *versions, *versions.values()]
@@ -79,7 +79,7 @@ class Provenance:
         return cls(name, dict(versions), data['commit'], data['digest'], foreign)
 
     def differences(self, other: Provenance) -> list[str]:
-        """Return what differs from ``other`` and may change numbers, a text each."""
+        """Return the differences from ``other`` that may change numbers, one text each."""
         names = sorted({*self.versions, *other.versions})
         found = [
             f'{name} {self.versions.get(name, UNKNOWN)}, here {other.versions.get(name, UNKNOWN)}'
@@ -104,7 +104,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 @cache
 def _commit() -> str:
-    """Return the commit of the checkout that this package is the top of, or ``unknown``."""
+    """Return the commit of the checkout whose root holds this package, or ``unknown``."""
     package = Path(flexarm_ros.__file__).resolve().parent
     environment = {k: v for k, v in os.environ.items() if not k.startswith('GIT_')}
     command = ['git', '-C', str(package), 'rev-parse', '--show-toplevel', 'HEAD']

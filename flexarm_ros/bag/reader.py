@@ -15,10 +15,9 @@
 """
 Reading of a recorded run: its scenario, its provenance, its messages tick by tick.
 
-Files are read from front to end in flat memory.  The index in the file is not
-needed and not trusted.  A bag of this package is whole in itself; one that
-another recorder wrote is matched to the ticks by its stamps
-(:mod:`flexarm_ros.bag.matching`).
+Files are read from front to end in constant memory.  The index in the file is neither needed
+nor trusted.  A bag of this package is self-contained; one of another recorder is matched to the
+ticks by its stamps (:mod:`flexarm_ros.bag.matching`).
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ from flexarm_ros.wire.topics import per_tick_topics, Topic
 BLOCK_TICKS = 512
 MOST_SHOWN = 4
 WINDOW_TICKS = 1 << 15
-"""Ticks that a message of another recorder's bag may come late or early by."""
+"""Most ticks by which a message in another recorder's bag may be early or late."""
 
 
 class BagReader:
@@ -58,18 +57,17 @@ class BagReader:
     A recorded run.
 
     ``given`` is the scenario of a bag that has none, ``namespace`` that of the
-    run in a bag of another recorder which has several; without one the run in
+    run in a bag of another recorder which has several; by default the run in
     ``preferred`` is read, if there is one.  Raises BagError
-    (BagFormatError, BagContentError, BagLimitError), one line, where RUN is no bag
+    (BagFormatError, BagContentError, BagLimitError), one line, if RUN is no bag
     of a run or its scenario cannot be read.
 
-    ``unknown``: section -> what of its scenario this version does not know; ``notes`` says so too.
-    ``own``: whether this package wrote it.  ``provenance``: where it comes from.
-    ``topics``: the per-tick topics in canonical order; ``names``: what those
-    that the bag has are called in it.  ``notes`` and ``gaps``: what is left out
-    and what is missing, as far as known before the messages are read.
-    ``damage`` is None, or says after an iteration where the file breaks off or
-    is damaged; what comes before that is given out.
+    ``unknown``: section -> the parts of the scenario that this version does not know, also in
+    ``notes``.  ``own``: whether this package wrote the bag.  ``provenance``: its provenance.
+    ``topics``: the per-tick topics in canonical order; ``names``: topic -> name in the bag.
+    ``notes`` and ``gaps``: what is left out and what is missing, as far as known before the
+    messages are read.  ``damage`` is set by an iteration to where the file is truncated or
+    damaged, None if intact; everything before it is returned.
     """
 
     def __init__(
@@ -127,20 +125,20 @@ class BagReader:
 
     @property
     def surveyed(self) -> list[int] | None:
-        """Number of messages of each topic, if all were looked at before."""
+        """Number of messages of each topic, if a survey has counted them."""
         return None if self._match is None else [len(ticks) for ticks in self._match.ticks]
 
     @property
     def has_scenario(self) -> bool:
-        """Whether ``config`` is there."""
+        """Whether ``config`` is available."""
         return self._config is not None
 
     @property
     def config(self) -> RunConfig:
         """
-        The scenario, with the parameters that changed while it ran (``config.changes``).
+        The scenario, with the parameters that changed during the run (``config.changes``).
 
-        Raises BagContentError where the bag has none and none was given.
+        Raises BagContentError if the bag has none and none was given.
         """
         if self._config is None:
             raise no_scenario(self.path)
@@ -177,7 +175,7 @@ class BagReader:
         """
         Yield ``(tick, messages)``, each tick's messages in canonical order, None: missing.
 
-        Raises BagContentError where a message comes twice or out of order.
+        Raises BagContentError for a repeated message or one out of order.
         """
         return self._recorded_ticks() if self._match is None else self._sorted_ticks()
 
@@ -198,7 +196,7 @@ class BagReader:
             yield current, held
 
     def _sorted_ticks(self) -> Iterator[tuple[int, list[bytes | None]]]:
-        """Sort what another recorder wrote in any order; the same message twice is one."""
+        """Sort the messages of another recorder, which may be in any order; drop duplicates."""
         waiting: dict[int, list[bytes | None]] = {}
         done = -1
         for tick, topic, data in self.messages():
@@ -218,7 +216,7 @@ class BagReader:
             yield tick, waiting[tick]
 
     def nothing(self) -> BagContentError:
-        """Return the error of a bag of which no message could be used."""
+        """Return the error for a bag without usable messages."""
         why = f': damaged at byte {self.damage.offset}: {self.damage.what}' if self.damage else ''
         return BagContentError(f'{self.path}: no message of a run in it{why}')
 
@@ -229,7 +227,7 @@ class BagReader:
         )
 
     def blocks(self, size: int = BLOCK_TICKS) -> Iterator[Block]:
-        """Yield the complete ticks decoded, up to the first that is missing or incomplete."""
+        """Yield the complete ticks decoded, up to the first missing or incomplete one."""
         rows: list[Sequence[bytes]] = []
         first = 0
         for tick, held in self.ticks():
@@ -244,7 +242,7 @@ class BagReader:
             yield self._decode(first, rows)
 
     def _filled(self, tick: int, held: list[bytes | None]) -> Iterator[bytes | None]:
-        """Yield the messages of a tick, with the stamp alone where a topic has none by intent."""
+        """Yield the messages of a tick, with a bare stamp where a topic has none by design."""
         for topic, data in zip(self.topics, held, strict=True):
             due = data is not None or topic.due(tick)
             yield data if due else topic.codec.encode(self.timeline.stamp_ns(tick))
@@ -266,7 +264,7 @@ def open_run(
 
 
 def no_scenario(path: Path) -> BagContentError:
-    """Return the error of a bag of which the scenario is needed."""
+    """Return the error for a bag whose scenario is needed."""
     return BagContentError(
         f'{path}: no scenario in it (not a bag of this package, or damaged at its front); '
         'give it with --scenario FILE'
@@ -274,7 +272,7 @@ def no_scenario(path: Path) -> BagContentError:
 
 
 class _Places:
-    """Tells the tick of each message in turn."""
+    """Returns the tick of each message in turn."""
 
     def __init__(self, path: Path, found: Match) -> None:
         self._path = path
@@ -291,9 +289,9 @@ def read_changes(
     files: Sequence[BagFile], fronts: Sequence[Front], period_ns: int
 ) -> tuple[Change, ...]:
     """
-    Return the parameters that were set while the run went on, as far as they can be read.
+    Return the parameters that were set during the run, as far as they can be read.
 
-    Raises BagContentError for one that makes no sense.
+    Raises BagContentError for an invalid one.
     """
     found: list[Change] = []
     for file, front in zip(files, fronts, strict=True):
@@ -307,7 +305,7 @@ def read_changes(
 
 
 def unknown_notes(unknown: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return a line for each section of a scenario that is not known in full."""
+    """Return a line for each section of a scenario that is only partly known."""
     return [
         f'{section}: taken as recorded, not known to this version: {"; ".join(what[:MOST_SHOWN])}'
         + (f' and {len(what) - MOST_SHOWN} more' if len(what) > MOST_SHOWN else '')
@@ -316,7 +314,7 @@ def unknown_notes(unknown: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def front_scenario(path: Path, front: Front) -> Recorded:
-    """Return the scenario that a bag carries; BagContentError if it has none that is valid."""
+    """Return the scenario in a bag; BagContentError if it has no valid one."""
     try:
         text = front.attachments[SCENARIO_FILE].decode()
         rows = front.attachments.get(TORQUES_FILE)
@@ -329,7 +327,7 @@ def front_scenario(path: Path, front: Front) -> Recorded:
 
 
 def front_provenance(front: Front) -> Provenance:
-    """Return where a bag comes from, as far as it says so."""
+    """Return the provenance in a bag, as far as it is recorded."""
     try:
         data: Any = json.loads(front.attachments[PROVENANCE_FILE])
         return Provenance.from_dict(data)
@@ -348,7 +346,7 @@ def topic_index(front: Front, topics: Sequence[Topic]) -> dict[int, int]:
 
 
 def check_complete(path: Path, topics: Sequence[Topic], index: Sequence[dict[int, int]]) -> None:
-    """Raise BagContentError where no file has a topic."""
+    """Raise BagContentError if a topic is in none of the files."""
     found = {topic for held in index for topic in held.values()}
     missing = [topic.path for i, topic in enumerate(topics) if i not in found]
     if missing:

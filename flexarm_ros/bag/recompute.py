@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What each node should have published at a tick, from what was recorded before it."""
+"""Recomputation of the messages of a tick from the messages recorded before it."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ Stamped = tuple[int, Values]
 """Stamp (ns) and values of one message."""
 
 Tick = Sequence[Values | None]
-"""Values of each topic's message of one tick, None: missing or unreadable."""
+"""Values of each topic's message at one tick, None if missing or unreadable."""
 
 
 class Nodes:
     """
     Recomputes each node's message of a tick from the recorded ones.
 
-    ``start_known``: whether the scenario tells the plant's state at tick 0.
+    ``start_known``: whether the scenario gives the plant's state at tick 0.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Nodes:
         ]
 
     def expected(self, tick: int, now: Tick, before: Tick | None) -> dict[int, Stamped]:
-        """Return what can be told of tick ``tick`` from its and the last tick's messages."""
+        """Return the messages of ``tick`` that follow from this and the last tick's messages."""
         if tick >= self._agenda.next:
             self._retune(tick)
         stamp = self._timeline.stamp_ns(tick)
@@ -99,7 +99,7 @@ class Nodes:
 
 
 class _Recomputed:
-    """One part; it has a memory, so it can be told as long as no tick's inputs are missing."""
+    """One part; it has memory, so recomputation stops at the first missing input."""
 
     def __init__(self, part: Answer, topics: Sequence[Topic]) -> None:
         names = [topic.name for topic in topics]
@@ -109,7 +109,7 @@ class _Recomputed:
         self._due = 0
 
     def expected(self, tick: int, stamp: int, now: Sequence[Any]) -> dict[int, Stamped]:
-        """Return the messages of tick ``tick`` for the recorded inputs; none where one lacks."""
+        """Return the messages of ``tick`` for the recorded inputs; none if one is missing."""
         inputs = [now[i] for i in self._reads]
         if None in inputs or (tick != self._due and not self.part.AHEAD):
             return {}
@@ -124,7 +124,7 @@ class _Recomputed:
 
 
 def stamped(message: Any, late: bool, stamp: int) -> Stamped:
-    """Return stamp and values of what a part answered at the tick with ``stamp``, ns."""
+    """Return stamp and values of a part's output at the tick with ``stamp``, ns."""
     return (message[0], message[1:]) if late else (stamp, message)
 
 

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The directory of a run: made first, marked incomplete, finished last.
+The output directory of a run: created first, marked incomplete, completed at the end.
 
-``DIR/bag`` is the recording, ``DIR/summary.json`` says from the first moment
-that the run is not finished, and is replaced, beside ``DIR/trajectory.csv``,
-when the bag is closed.
+``DIR/bag`` is the recording.  ``DIR/summary.json`` marks the run as not finished from the start;
+it is replaced, and ``DIR/trajectory.csv`` written, when the bag is closed.
 """
 
 from __future__ import annotations
@@ -53,10 +52,10 @@ Work = Callable[[str, float], None]
 
 class Recording:
     """
-    A bag below a run's directory, as the recorder node fills it.
+    A bag in a run's output directory, as filled by the recorder node.
 
-    ``foreign`` names the roles of external nodes.  Raises BagError where
-    the directory cannot be made or holds a bag already.
+    ``foreign`` names the roles of external nodes.  Raises BagError if the directory cannot be
+    created or holds a bag already.
     """
 
     def __init__(
@@ -69,16 +68,16 @@ class Recording:
         self.write_change = self._writer.write_change
 
     def close(self) -> None:
-        """Finish the bag; raises BagError where it cannot be written."""
+        """Finish the bag; BagError if it cannot be written."""
         self._writer.close()
 
     def set_aside(self, number: int) -> None:
-        """Finish the bag of a run that starts again; it stays as ``bag-before-reset-NUMBER``."""
+        """Finish the bag of a run that restarts; it is kept as ``bag-before-reset-NUMBER``."""
         self._writer.close()
         os.rename(self.directory / BAG, self.directory / f'{BAG}-before-reset-{number}')
 
     def abandon(self) -> None:
-        """Leave the bag as it is, after an error of writing."""
+        """Leave the bag as it is, after a write error."""
         self._writer.abandon()
 
 
@@ -88,7 +87,7 @@ def default_name(name: str, namespace: str) -> str:
 
 
 def free_directory(name: str, below: Path = Path('runs')) -> Path:
-    """Return ``runs/NAME``, or ``runs/NAME-2`` ... where that is taken."""
+    """Return ``runs/NAME``, or ``runs/NAME-2`` ... if that exists."""
     number = 1
     while (path := below / (name if number == 1 else f'{name}-{number}')).exists():
         number += 1
@@ -99,10 +98,10 @@ def prepare_directory(
     directory: Path, config: RunConfig, name: str, external: Iterable[str] = ()
 ) -> None:
     """
-    Make a run's directory and mark it as not finished.
+    Create a run's output directory and mark it as not finished.
 
-    ``external``: roles that are left to external nodes.  Raises BagExistsError if there is
-    anything in it already, BagError or OSError where it cannot be made.
+    ``external``: roles of external nodes.  Raises BagExistsError if it is not empty, BagError
+    or OSError if it cannot be created.
     """
     directory.mkdir(parents=True, exist_ok=True)
     if any(directory.iterdir()):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The closed loop in one process, recorded: what ``flexarm simulate`` does."""
+"""Recorded simulation of the closed loop in one process, as in ``flexarm simulate``."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class BlockMaker:
         return self._count == _BLOCK_TICKS
 
     def add(self, record: TickRecord) -> None:
-        """Take one tick."""
+        """Add one tick."""
         i = self._count
         if i == 0:
             self._first = record.k
@@ -76,7 +76,7 @@ class BlockMaker:
         self._count += 1
 
     def take(self) -> Block:
-        """Return the ticks collected so far and start anew."""
+        """Return the collected ticks and start a new block."""
         count, self._count = self._count, 0
         return Block(
             self._first,
@@ -105,11 +105,11 @@ def simulate(
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
     """
-    Fly a scenario in this process, record it below ``directory``, return the summary.
+    Simulate a scenario in this process, record it in ``directory``, return the summary.
 
-    ``watch(ticks, of all)`` is called and ``stop()`` asked after every block
-    of 512 ticks.  Raises BagExistsError or BagError; ValueError where the core
-    cannot take the scenario, before anything is written.
+    ``watch(ticks, of all)`` and ``stop()`` are called after every block of 512 ticks.  Raises
+    BagExistsError or BagError; ValueError if the core rejects the scenario, before anything
+    is written.
     """
     directory = Path(directory)
     loop = ClosedLoop(config)

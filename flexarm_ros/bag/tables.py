@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bag's messages as tables, topic by topic, in flat memory."""
+"""A bag's messages as tables, one per topic, in constant memory."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ class Batch:
 
 def batches(reader: BagReader, size: int = BATCH) -> Iterator[list[Batch]]:
     """
-    Yield the messages of ``size`` ticks at a time, one batch a topic.
+    Yield the messages of ``size`` ticks at a time, one batch per topic.
 
-    Ticks or messages that are missing are missing from the batches.  Raises
-    BagContentError where a message cannot be decoded.
+    Missing ticks or messages are missing from the batches.  Raises BagContentError for a
+    message that cannot be decoded.
     """
     ticks: list[list[int]] = [[] for _ in reader.topics]
     data: list[list[bytes]] = [[] for _ in reader.topics]

@@ -32,7 +32,7 @@ _NAN = (math.nan, math.nan)
 
 
 class TickRow(NamedTuple):
-    """One row; ``whole``: every tick up to this one is there, with all that the row needs."""
+    """One row; ``whole``: every tick up to this one has all messages that the row needs."""
 
     tick: int
     row: Row
@@ -43,10 +43,9 @@ def trajectory(reader: BagReader) -> Iterator[TickRow]:
     """
     Yield the rows of a run.
 
-    Of a bag of this package: of the complete ticks from the start.  Of another
-    recorder's: of every tick with a state, with not-a-number for what is missing,
-    and without a scenario for what needs it (elbow, tip, rigid, lambda; the
-    reference is then that which was recorded).
+    For a bag of this package: the complete ticks from the start.  For one of another recorder:
+    every tick with a state, with nan for missing values and, without a scenario, for elbow,
+    tip, rigid and lambda; the reference is then the recorded one.
     """
     return _own(reader) if reader.own else _matched(reader)
 

@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-Proof of a recorded run: every message computed anew and compared byte for byte.
+Verification of a recorded run: every message is recomputed and compared byte for byte.
 
-Node by node, from the recorded inputs (the plant from the recorded state and
-torque of the tick before, the sensors from the recorded states, the
-controller from the recorded measurements), which tells which node is at
-fault; and the closed loop from the scenario alone.
+First node by node, from the recorded inputs (the plant from the recorded state and torque of the
+tick before, the sensors from the recorded states, the controller from the recorded
+measurements), which identifies the faulty node; then the closed loop from the scenario alone.
 """
 
 from __future__ import annotations
@@ -50,7 +49,11 @@ PADDING = 'padding'
 
 @dataclass(frozen=True)
 class Difference:
-    """One message that is not what was computed; ``field`` empty: there is none, or no such."""
+    """
+    A mismatch between a recorded and a recomputed message.
+
+    ``field`` is empty if the message is missing or cannot be decoded.
+    """
 
     check: str
     tick: int
@@ -70,13 +73,12 @@ class Difference:
 @dataclass
 class Verdict:
     """
-    What came of a verification.
+    The result of a verification.
 
-    ``compared`` counts messages of each check (node names and ``closed loop``)
-    and ``first`` has its first difference, ``differing`` how many messages
-    differ.  ``notes`` are to be told but no fault, ``faults`` are faults of
-    the bag beside differing messages.  ``versions`` tells what differs between
-    then and now; ``other_source`` that the source does, without which every
+    ``compared`` counts messages of each check (node names and ``closed loop``), ``first`` has
+    the first difference of each, ``differing`` the number of differing messages.  ``notes`` are
+    remarks, ``faults`` further faults of the bag.  ``versions`` lists the differences between
+    recording and now; ``other_source``: the source code differs.  With the same source every
     number must be the same, on any machine and with any versions.
     """
 
@@ -93,7 +95,7 @@ class Verdict:
 
     @property
     def same(self) -> bool:
-        """Whether every recorded message is what was computed."""
+        """Whether every recorded message matches."""
         return not self.first and not self.faults
 
     @property
@@ -103,15 +105,15 @@ class Verdict:
 
 
 class _Comparison:
-    """Compares messages and keeps the account."""
+    """Compares messages and counts the results."""
 
     def __init__(self, reader: BagReader, verdict: Verdict) -> None:
         self.topics, self._verdict = reader.topics, verdict
         self._exact = reader.own
-        """Bytes that mean nothing count: another recorder keeps what the middleware had there."""
+        """Whether padding counts: other recorders keep the padding of the middleware."""
 
     def message(self, check: str, tick: int, topic: int, data: bytes, wanted: Stamped) -> None:
-        """Compare one recorded message with the stamp and values that it should have."""
+        """Compare one recorded message with its expected stamp and values."""
         verdict, codec = self._verdict, self.topics[topic].codec
         verdict.compared[check] = verdict.compared.get(check, 0) + 1
         if codec.encode(wanted[0], *wanted[1]) == data:
@@ -123,7 +125,7 @@ class _Comparison:
             ))  # fmt: skip
 
     def differs(self, difference: Difference) -> None:
-        """Take a difference into the account."""
+        """Count a difference."""
         check = difference.check
         self._verdict.first.setdefault(check, difference)
         self._verdict.differing[check] = self._verdict.differing.get(check, 0) + 1
@@ -148,11 +150,11 @@ class _Comparison:
 
 
 _RAGGED_TICKS = 256
-"""Ticks at the end of a run that broke off which may lack messages: the recorder's queue."""
+"""Ticks at the end of an interrupted run that may lack messages: the recorder's queue."""
 
 
 class _Run:
-    """Walks through a bag once, computing everything anew beside it."""
+    """Reads through a bag once and recomputes everything in parallel."""
 
     def __init__(self, reader: BagReader, skip: frozenset[str], verdict: Verdict) -> None:
         self._reader, self._verdict, self._skip = reader, verdict, skip
@@ -167,11 +169,11 @@ class _Run:
         self._last = -1
         self._missing = _Missing()
         self._ragged: list[tuple[int, list[str]]] = []
-        """Ticks without all messages since the last whole one: the ragged end of a run, maybe."""
+        """Incomplete ticks since the last complete one, perhaps the end of an interrupted run."""
         self.counts = [0] * len(reader.topics)
 
     def walk(self) -> None:
-        """Compare tick after tick; raises BagContentError where the bag makes no sense."""
+        """Compare tick after tick; BagContentError if the bag is inconsistent."""
         before: Tick | None = None
         for tick, messages in self._reader.ticks():
             if tick != self._last + 1:
@@ -239,7 +241,7 @@ class _Run:
                 break
 
     def _ending(self) -> None:
-        """Say why a run ends before its time."""
+        """Note why a run ends early."""
         verdict, loop = self._verdict, self._loop
         if not any(self.counts):
             verdict.faults.append('no message in it: nothing is proved')
@@ -266,7 +268,7 @@ class _Run:
         )
 
     def _say_judged(self) -> None:
-        """Say whose messages could be computed from the recorded inputs in part only."""
+        """Note which nodes could be recomputed from the recorded inputs only in part."""
         there = dict.fromkeys(self._verdict.compared, 0)
         for topic, count in zip(self._topics, self.counts, strict=True):
             if topic.node not in self._skip:
@@ -280,13 +282,13 @@ class _Run:
 
 
 class _Missing:
-    """Counts missing messages, topic by topic."""
+    """Counts missing messages per topic."""
 
     def __init__(self) -> None:
         self._ticks: dict[str, tuple[int, int, int]] = {}
 
     def take(self, ticks: list[tuple[int, list[str]]]) -> None:
-        """Take ticks, each with the topics that have no message there; leaves the list empty."""
+        """Count ticks, each with the topics that have no message there; clears the list."""
         for tick, paths in ticks:
             for path in paths:
                 count, first, _ = self._ticks.get(path, (0, tick, tick))
@@ -310,12 +312,12 @@ def verify(
     namespace: str | None = None,
 ) -> Verdict:
     """
-    Compute the run of a bag anew and compare every recorded message.
+    Recompute the run of a bag and compare every recorded message.
 
-    ``foreign`` names the roles of external nodes (beside those that the bag
-    itself names): their output is taken as it is, and the closed loop is not
-    computed.  ``given`` is the scenario of a bag that has none, ``namespace`` as
-    for `BagReader`.  Raises BagError where RUN cannot be read or has no scenario.
+    ``foreign`` names the roles of external nodes (in addition to those named in the bag):
+    their output is taken as recorded, and the closed loop is not computed.  ``given`` is the
+    scenario of a bag that has none, ``namespace`` as for `BagReader`.  Raises BagError if RUN
+    cannot be read or has no scenario.
     """
     reader = BagReader(run, given, namespace)
     verdict = Verdict(planned=reader.timeline.ticks)
@@ -339,7 +341,7 @@ def verify(
     except BagContentError as error:
         verdict.faults.append(str(error))
     if reader.damage is not None:
-        # A recorder that was killed leaves no end either, but then the run says that it broke off.
+        # A killed recorder leaves no end either, but then the run says that it broke off.
         known = _broke_off(reader.directory.parent / SUMMARY)
         (verdict.notes if known else verdict.faults).append(f'{reader.damage}')
     else:
@@ -357,7 +359,7 @@ def _broke_off(summary: Path) -> bool:
 
 
 def _say_origin(reader: BagReader, skip: frozenset[str], verdict: Verdict) -> None:
-    """Say what differs between the recording and here, and what the bag lacks altogether."""
+    """Note the differences between the recording and now, and what the bag lacks."""
     if reader.provenance.versions:
         here = Provenance.here()
         verdict.versions = reader.provenance.differences(here)
@@ -372,7 +374,7 @@ def _say_origin(reader: BagReader, skip: frozenset[str], verdict: Verdict) -> No
 
 
 def _check_counts(reader: BagReader, counts: Sequence[int], verdict: Verdict) -> None:
-    """Compare what ``metadata.yaml`` beside the files says with the files."""
+    """Compare the counts in ``metadata.yaml`` with the files."""
     path = reader.directory / METADATA_FILE
     try:
         said = read_counts(path)

@@ -15,10 +15,10 @@
 """
 Recording of a run into a rosbag2 directory with one MCAP file.
 
-The bytes depend on the scenario, the messages and the versions of the packages
-only: no wall time, host, user or process number goes in, chunks end at ticks,
-and messages stand in canonical order (tick by tick, within a tick in the order
-of `flexarm_ros.wire.topics`) whatever order they came in.
+The bytes depend only on the scenario, the messages and the package versions: no wall time, host,
+user or process number is stored, chunks end at ticks, and messages are in canonical order (tick
+by tick, within a tick in the order of `flexarm_ros.wire.topics`), independent of the order of
+arrival.
 """
 
 from __future__ import annotations
@@ -70,19 +70,18 @@ MAX_CHUNK = 8 * 1024 * 1024
 
 class BagWriter:
     """
-    Writes a bag from messages that come in any order across topics.
+    Writes a bag from messages in any order across topics.
 
-    Parameters: the new directory of the bag; the scenario; where it comes from
-    (default: this process); the topics, if other than the scenario's own.
-    Raises BagExistsError if the directory exists, BagError if it cannot be
-    written (disk full included) or a message comes twice or too late.
+    Parameters: the new directory of the bag; the scenario; its provenance (default: this
+    process); the topics, if other than the scenario's own.  Raises BagExistsError if the
+    directory exists, BagError if it cannot be written (disk full included) or a message is
+    repeated or too late.
 
-    A tick is written once every topic has its message.  `end_tick` says that a
-    tick has all it will get; ticks up to it are then written as they are.
-    Closing does so for all that is left: a run that breaks off keeps every
-    message that came, those of its last, incomplete tick too.  A chunk is
-    handed to the operating system after every ``recorder.chunk_time`` of
-    simulated time (and at 8 MiB), so a killed recorder loses less than that.
+    A tick is written once every topic has its message.  `end_tick` declares a tick complete;
+    ticks up to it are then written as they are, and closing does the same for all that are left:
+    an interrupted run keeps every received message.  A chunk is handed to the operating
+    system after every ``recorder.chunk_time`` of simulated time (and at 8 MiB), so a killed
+    recorder loses less than that.
     """
 
     def __init__(
@@ -111,10 +110,10 @@ class BagWriter:
         self._closed = False
         self._write_front(config)
 
-    # --- what the recorder calls ----------------------------------------------------
+    # --- called by the recorder -----------------------------------------------------
 
     def write(self, topic: int, tick: int, data: bytes) -> None:
-        """Take the message of topic number ``topic`` at ``tick``, serialized."""
+        """Add the serialized message of topic number ``topic`` at ``tick``."""
         slots = self._pending.get(tick)
         if slots is None:
             if tick < self._next:
@@ -134,9 +133,9 @@ class BagWriter:
 
     def write_ticks(self, first: int, columns: Sequence[Sequence[bytes]]) -> None:
         """
-        Take the ticks from ``first`` on, whole: the serialized messages of each topic in order.
+        Add complete ticks from ``first`` on: the serialized messages of each topic in order.
 
-        Equal to as many calls of :meth:`write`, several times as fast.
+        Equivalent to as many calls of :meth:`write`, several times as fast.
         """
         ticks = range(first, first + max(len(column) for column in columns))
         sizes = [topic.codec.size for topic in self.topics]
@@ -182,7 +181,7 @@ class BagWriter:
             start = until
 
     def write_change(self, change: Change) -> None:
-        """Take a parameter that changes at a tick; it stands before that tick's messages."""
+        """Add a parameter change at a tick; it is written before that tick's messages."""
         if not self._changes_channel:
             text, digest = definition(changes.TYPE)
             schema = self._file.add_schema(changes.TYPE, text)
@@ -194,7 +193,7 @@ class BagWriter:
             self._changes.setdefault(change.tick, []).append(change)
 
     def write_block(self, block: Block) -> None:
-        """Take whole ticks, the next ones, as numbers; the same bytes, four times as fast."""
+        """Add the next complete ticks as numbers; the same bytes, four times as fast."""
         if block.first != self._next or self._pending:
             raise BagError(f'{self.directory}: ticks from {block.first} where {self._next} is due')
         images = [
@@ -207,7 +206,7 @@ class BagWriter:
 
     def _append_rows(self, rows: ByteArray, due: Sequence[int]) -> None:
         """
-        Append the records of the next ticks, a tick a row; end each chunk where it is due.
+        Append the records of the next ticks, one row per tick; end chunks where due.
 
         ``due``: the topics in a row.
         """
@@ -229,11 +228,11 @@ class BagWriter:
         self._next = max(self._next, tick + 1)
 
     def flush(self) -> None:
-        """Hand what is complete to the operating system as a chunk, before its time."""
+        """Hand complete ticks to the operating system as a chunk, before its time."""
         self._end_chunk()
 
     def close(self) -> None:
-        """Write what is left, the index and ``metadata.yaml``."""
+        """Write the remaining ticks, the index and ``metadata.yaml``."""
         if self._closed:
             return
         if self._pending:
@@ -259,7 +258,7 @@ class BagWriter:
         )
 
     def abandon(self) -> None:
-        """Close the file as it is, without an index: after an error of writing."""
+        """Close the file as it is, without an index, after a write error."""
         self._closed = True
         with contextlib.suppress(BagError):
             self._file.close()
@@ -288,7 +287,7 @@ class BagWriter:
         self._bytes = 0
 
     def _emit(self, tick: int) -> None:
-        """Append the messages of ``tick`` to the chunk, and end the chunk where it is due."""
+        """Append the messages of ``tick`` to the chunk; end the chunk if due."""
         stamp = T0_NS + tick * self._period_ns
         sequence = tick + 1
         for number, change in enumerate(self._changes.pop(tick, ())):
@@ -322,9 +321,9 @@ class BagWriter:
 
     def _records(self, first: int, due: Sequence[int], messages: Sequence[ByteArray]) -> ByteArray:
         """
-        Return the records of whole ticks as rows.
+        Return the records of complete ticks as rows.
 
-        ``messages``: those of each topic in ``due``, a tick a row.
+        ``messages``: those of each topic in ``due``, one row per tick.
         """
         count = len(messages[0])
         ticks = np.arange(first, first + count)
@@ -341,7 +340,7 @@ class BagWriter:
         return np.concatenate(parts, axis=1)
 
     def _append(self, rows: ByteArray, first: int, due: Sequence[int]) -> None:
-        """Append records of whole ticks, with messages of the topics ``due``, to the chunk."""
+        """Append records of complete ticks, with messages of the topics ``due``, to the chunk."""
         count = len(rows)
         stamps = range(
             T0_NS + first * self._period_ns,
@@ -365,7 +364,7 @@ class BagWriter:
             self._file.add_chunk(data, self._channels, self._times, self._lengths)
             self._clear_chunk()
 
-    # --- what stands before the messages -----------------------------------------------
+    # --- before the messages -----------------------------------------------------------
 
     def _write_front(self, config: RunConfig) -> None:
         schemas: dict[str, int] = {}

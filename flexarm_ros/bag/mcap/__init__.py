@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Files of the MCAP format: found, scanned, read, written, and rescued where they are damaged.
+MCAP files: location, scanning, reading, writing, and recovery of damaged ones.
 
 Imports core, wire, scenario and the errors of bag; no ROS.
 """

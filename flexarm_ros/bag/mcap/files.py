@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files and directories that appear whole and never overwrite."""
+"""Files and directories that are created atomically and never overwrite."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from flexarm_ros.bag.errors import BagError, BagExistsError
 
 
 def open_standard_files() -> None:
-    """Make each standard file that is closed ``/dev/null``: what is opened next would be it."""
+    """Open ``/dev/null`` for closed standard streams, whose numbers a new file would get."""
     for number, name in enumerate(('stdin', 'stdout', 'stderr')):
         try:
             os.fstat(number)
         except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # has the lowest number
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # gets the lowest number
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(number, 'w' if number else 'r', closefd=False))
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write a text file so that it appears whole or not at all; BagError on failure."""
+    """Write a text file atomically; BagError on failure."""
     temporary = path.with_name(path.name + '.tmp')
     try:
         with open(temporary, 'w', encoding='utf-8', newline='') as file:
@@ -63,7 +63,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def make_directory(directory: Path) -> None:
-    """Make a new directory; BagExistsError where it exists."""
+    """Create a new directory; BagExistsError if it exists."""
     try:
         directory.mkdir(parents=True)
     except FileExistsError:

@@ -15,14 +15,13 @@
 """
 Writing of an MCAP file, chunk by chunk.
 
-The records come from the ``mcap`` library.  Only the messages of a chunk are
-laid out here: the library's writer takes 43 us a tick of six messages, this
-one 6 (measured, see docs/bag.md), and chunks end where the caller says.
+The records come from the ``mcap`` library.  Only the messages of a chunk are encoded here: the
+library's writer takes 43 us a tick of six messages, this one 6 (see docs/bag.md), and the
+caller decides where chunks end.
 
-The data section has, in this order: schemas and channels, attachments and
-metadata, then the chunks with their message indexes.  So a file that breaks
-off anywhere behind its first few kilobytes tells what it is and how to run it
-again.
+The data section holds schemas and channels, then attachments and metadata, then the chunks with
+their message indexes.  So a file truncated anywhere after its first few kilobytes still holds
+its description and its scenario.
 """
 
 from __future__ import annotations
@@ -60,9 +59,9 @@ import zstandard
 MAGIC = b'\x89MCAP0\r\n'
 LIBRARY = 'flexarm_ros'
 MESSAGE_HEADER = struct.Struct('<BQHIQQ')
-"""Opcode, length of what follows, channel, sequence, log time, publish time."""
+"""Opcode, length of the rest, channel, sequence, log time, publish time."""
 MESSAGE_FIXED = 2 + 4 + 8 + 8
-"""Bytes of a message record that count in its length, before the data."""
+"""Bytes of a message record that its length includes, before the data."""
 
 _INDEX_HEADER = struct.Struct('<BQHI')
 _INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
@@ -74,7 +73,7 @@ def _compress_lz4(data: bytes) -> bytes:
 
 
 def _compress_zstd(data: bytes) -> bytes:
-    # A compressor of its own each time: one must not be shared between threads.
+    # A new compressor each time: one must not be shared between threads.
     return zstandard.ZstdCompressor(level=3).compress(data)
 
 
@@ -88,11 +87,11 @@ COMPRESSORS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
 
 class McapFile:
     """
-    A new MCAP file of profile ``ros2``; BagError where it cannot be written.
+    A new MCAP file of profile ``ros2``; BagError if it cannot be written.
 
-    Give schemas and channels first (others between chunks), then attachments and metadata,
-    then chunks, then call `finish`.  What a call has written is with the operating system
-    when it returns.
+    Add schemas and channels first (more may follow between chunks), then attachments and
+    metadata, then chunks, then call `finish`.  Each call hands its data to the operating system
+    before it returns.
     """
 
     def __init__(self, path: Path, compression: str) -> None:
@@ -186,8 +185,8 @@ class McapFile:
         """
         Add a chunk of message records.
 
-        Of each record its channel, its log time and its length in
-        bytes, opcode and length field included.
+        For each record: its channel, its log time and its length in bytes, including opcode and
+        length field.
         """
         ids = np.asarray(channels, np.uint16)
         stamps = np.asarray(times, np.uint64)
@@ -271,7 +270,7 @@ class McapFile:
         ]
 
     def close(self) -> None:
-        """Close the file as it is (without `finish`: broken off)."""
+        """Close the file as it is (without `finish`: incomplete)."""
         if not self._file.closed:
             try:
                 os.fsync(self._file.fileno())

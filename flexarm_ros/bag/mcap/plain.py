@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writing of rescued messages of which only the channels are known."""
+"""Writing of recovered messages of which only the channels are known."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from flexarm_ros.core.timeline import T0_NS
 from flexarm_ros.wire.topics import Qos
 
 ROSBAG2 = 'rosbag2'
-"""The metadata record that rosbag2 reads; it is made anew."""
+"""The metadata record that rosbag2 reads; it is generated anew."""
 
 
 class PlainWriter:
     """
-    Writes messages as they are, under the channels and schemas of ``front``.
+    Writes messages unchanged, with the channels and schemas of ``front``.
 
-    ``whole``: with its scenario, provenance and records too, as they are.
+    ``whole``: copy its scenario, provenance and records too.
 
-    Raises BagError where ``directory`` exists or cannot be written.
+    Raises BagError if ``directory`` exists or cannot be written.
     """
 
     def __init__(self, directory: Path, front: Front, whole: bool = False) -> None:
@@ -68,7 +68,7 @@ class PlainWriter:
                 self._topics.append((channel.topic, self._types[channel.schema_id], digest))
 
     def add(self, messages: Sequence[Message]) -> tuple[int, int]:
-        """Write a chunk of messages; return how many were kept and dropped."""
+        """Write a chunk of messages; return the numbers of kept and dropped ones."""
         known = sorted((m for m in messages if m.channel in self._ids), key=lambda m: m.log_time)
         parts, channels, times, lengths = [], [], [], []
         for m in known:

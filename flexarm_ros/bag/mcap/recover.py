@@ -13,14 +13,13 @@
 # limitations under the License.
 
 """
-Rescue of a damaged bag into a new one.
+Recovery of a damaged bag into a new one.
 
-Chunks are the unit: each has a checksum and is kept whole or not at all.
-Behind a damaged place the search goes on for the next sound chunk.  Messages
-outside of chunks (other writers' files) are kept up to the first damage.  The
-scenario and the provenance are in attachments with checksums of their own, the
-scenario a second time in a metadata record.  Where both are lost, messages are
-rescued nevertheless, but the new bag cannot be run again.
+Each chunk has a checksum and is kept whole or not at all.  After damage the search continues
+at the next intact chunk.  Messages outside of chunks (files of other writers) are kept up to the
+first damage.  Scenario and provenance are in attachments with their own checksums, the scenario
+also in a metadata record.  If both are lost, messages are still recovered, but the new bag
+cannot be run again.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _LOOSE = 6000
-"""Messages outside of chunks that are written as one chunk."""
+"""Number of messages outside of chunks that are written as one chunk."""
 
 _ATTACHED = (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE)
 
@@ -86,17 +85,16 @@ _ATTACHED = (SCENARIO_FILE, PROVENANCE_FILE, TORQUES_FILE)
 @dataclass
 class Rescue:
     """
-    What came of a rescue.
+    The result of a recovery.
 
-    ``kept`` messages are in the new bag, ``complete`` of ``planned`` ticks.
-    ``dropped`` counts messages that fit nowhere; apart from those, ``foreign`` counts
-    messages on topics that the run does not have, ``repeated`` second messages of a topic
-    at a tick, of which the first is kept.  ``damages`` says what was
-    found, a line each.  ``harmed``: something is wrong in the data section;
-    ``ended``: the data section's end is there; ``lost_front``: scenario or
-    provenance are lost; ``as_recorded``: the scenario is kept, but not known here in
-    full, so that its ticks are not counted.  ``chunks`` and ``loose`` count sound chunks and
-    messages outside of chunks, which have no checksum.
+    ``kept`` messages are in the new bag, ``complete`` of ``planned`` ticks.  ``dropped`` counts
+    messages that cannot be placed; separately, ``foreign`` counts messages on topics that the
+    run does not have, ``repeated`` second messages of a topic at a tick, of which the first is
+    kept.  ``damages`` lists the damage, one line each.  ``harmed``: the data section is
+    damaged; ``ended``: its end is present; ``lost_front``: scenario or provenance are lost;
+    ``as_recorded``: the scenario is kept but only partly known to this version, so that ticks
+    are not counted.  ``chunks`` and ``loose`` count intact chunks and messages outside of
+    chunks, which have no checksum.
     """
 
     kept: int = 0
@@ -124,7 +122,7 @@ class Rescue:
 
     @property
     def keeps_loose(self) -> bool:
-        """Whether messages outside of chunks count: not beside damage, which may look like one."""
+        """Whether messages outside of chunks count; not after damage, which may look like one."""
         return self.loose > 0 and not (self.chunks and self.harmed)
 
     @property
@@ -133,7 +131,7 @@ class Rescue:
         return 0 if self.whole else 3 if self.kept else 1
 
     def note(self, text: str) -> None:
-        """Add a damage, once."""
+        """Record a damage, once."""
         if text not in self.damages:
             self.damages.append(text)
 
@@ -144,7 +142,7 @@ def recover(
     watch: Callable[[float], None] = lambda _: None,
 ) -> Rescue:
     """
-    Rescue what is sound in the bag of RUN into the new directory ``new_bag``.
+    Copy the intact part of the bag of RUN into the new directory ``new_bag``.
 
     ``watch`` is called with the share that is done, 0 to 1, record by record.
     Nothing is created where nothing can be rescued.  Raises BagError where RUN
@@ -170,9 +168,9 @@ def recover(
             shutil.rmtree(target, ignore_errors=True)
             rescue.note('none of its messages belongs to the run')
     except BagExistsError:
-        raise  # somebody else has made it meanwhile
+        raise  # created concurrently by another process
     except BagError:
-        shutil.rmtree(target, ignore_errors=True)  # half a bag, which the next try would not touch
+        shutil.rmtree(target, ignore_errors=True)  # a partial bag, which would block a retry
         raise
     return rescue
 
@@ -263,10 +261,10 @@ def _start(scanner: Scanner, rescue: Rescue) -> int | None:
 
 def _resume(scanner: Scanner, error: BagError, trusted: int) -> int:
     """
-    Return where to go on after a damage, 0 for nowhere.
+    Return where to continue after damage, 0 for nowhere.
 
-    Lengths of records behind the last one with a checksum (it ends at
-    ``trusted``) may be wrong, so the search starts there.
+    Lengths of records after the last one with a checksum (which ends at ``trusted``) may be
+    wrong, so the search starts there.
     """
     if isinstance(error, Damage) and error.what == DATA_CHECKSUM:
         return error.offset
@@ -296,7 +294,7 @@ def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
     """
     Return the scenario, from its attachment or else from the metadata record.
 
-    None too for one that is not known here in full (``rescue.as_recorded``).
+    Also None for one that this version knows only in part (``rescue.as_recorded``).
     """
     try:
         recorded = front_scenario(path, front)
@@ -321,7 +319,7 @@ def _config(path: Path, front: Front, rescue: Rescue) -> RunConfig | None:
             return config
     except (KeyError, ValueError, TypeError, RecursionError):
         pass
-    # Where no trace of one is in a sound bag, it is another recorder's and nothing is lost.
+    # An intact bag without any trace of one is another recorder's, and nothing is lost.
     traces = SCENARIO_FILE in front.attachments or PARAMETERS_RECORD in front.metadata
     rescue.lost_front = traces or rescue.harmed or not rescue.ended
     # recover has no --scenario, which the error names for the other commands.
@@ -372,7 +370,7 @@ def _rescue_messages(
     seen: NDArray[np.bool_],
     rescue: Rescue,
 ) -> int:
-    """Write the messages of one chunk that make sense; return the last of their ticks."""
+    """Write the valid messages of one chunk; return the last of their ticks."""
     last = -1
     for message in messages:
         tick, rest = divmod(message.log_time - T0_NS, timeline.period_ns)

@@ -15,10 +15,9 @@
 """
 Sequential reading of an MCAP file that may be damaged or hostile.
 
-Nothing of the file's own index is trusted or used: records are read one after
-the other, every length is checked against what is left of the file and against
-a limit before anything of that size is allocated, and chunks are decompressed
-to at most the size they declare.
+The file's own index is neither trusted nor used: records are read in sequence, every length is
+checked against the rest of the file and against a limit before memory of that size is
+allocated, and chunks are decompressed to at most their declared size.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ MAX_RECORD = 128 * 1024 * 1024
 """Largest record that is read, bytes (a torque file may have 64 MiB)."""
 
 MAX_CHUNK_DATA = 64 * 1024 * 1024
-"""Largest chunk that is decompressed, bytes (ours end at 8 MiB)."""
+"""Largest chunk that is decompressed, bytes (this package ends chunks at 8 MiB)."""
 
 DATA_CHECKSUM = 'checksum of the data section'
 
@@ -64,7 +63,7 @@ T = TypeVar('T')
 
 @dataclass(frozen=True)
 class Record:
-    """One record: its opcode, where it starts in the file, and its content."""
+    """One record: its opcode, its offset in the file, and its content."""
 
     opcode: int
     offset: int
@@ -72,7 +71,7 @@ class Record:
 
     @property
     def end(self) -> int:
-        """Offset of what follows."""
+        """Offset of the next record."""
         return self.offset + _HEAD.size + len(self.body)
 
 
@@ -88,7 +87,7 @@ class Message:
 
 
 class Damage(BagFormatError):
-    """The file breaks off or is damaged at byte ``offset``."""
+    """The file is truncated or damaged at byte ``offset``."""
 
     def __init__(self, path: Path, offset: int, what: str) -> None:
         super().__init__(f'{path}: damaged at byte {offset}: {what}')
@@ -100,8 +99,7 @@ class Scanner:
     """
     Reads the records of one file in order.
 
-    Raises BagError if the file cannot be opened and BagFormatError if it is no
-    MCAP file at all.
+    Raises BagError if the file cannot be opened and BagFormatError if it is not an MCAP file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -135,10 +133,9 @@ class Scanner:
         """
         Yield the records of the file, or those from byte ``start`` on, to the footer.
 
-        With ``bodies`` false the content of chunks is passed over.  Raises
-        BagFormatError if the file is none of MCAP, Damage where it breaks off,
-        lengths do not fit, a checksum of the data section or of the summary is
-        wrong, or the end is missing.
+        With ``bodies`` false the content of chunks is skipped.  Raises BagFormatError if the
+        file is not MCAP, Damage if it is truncated, lengths do not fit, a checksum of the data
+        section or of the summary is wrong, or the end is missing.
         """
         if start is None and not self.is_mcap():
             raise BagFormatError(f'{self.path}: not an MCAP file')
@@ -162,7 +159,7 @@ class Scanner:
 
     def contents(self) -> Iterator[Message | Record]:
         """
-        Yield every message, and every other record but chunks, whether in a chunk or not.
+        Yield every message, and every other record but chunks, inside and outside of chunks.
 
         Raises as :meth:`records`, `unpack` and `inner_records`.
         """
@@ -202,7 +199,7 @@ class Scanner:
             raise Damage(self.path, position, 'the end of the file')
         if not footer.summary_crc:
             return
-        # Without a summary its start is 0, and the checksum is that of the footer alone.
+        # Without a summary its start is 0, and the checksum covers the footer alone.
         if summary < 0 or (footer.summary_start or record.offset) != summary:
             raise Damage(self.path, record.offset, 'the place of the summary')
         self._file.seek(summary)
@@ -216,7 +213,7 @@ class Scanner:
             raise Damage(self.path, summary, 'checksum of the summary')
 
     def next_chunk(self, start: int) -> int | None:
-        """Return where the next sound chunk after a damage starts, or ``None``."""
+        """Return the offset of the next intact chunk after damage, or ``None``."""
         if start >= self.size:
             return None
         with mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ) as view:
@@ -229,7 +226,7 @@ class Scanner:
         return None
 
     def find_attachment(self, name: str) -> bytes | None:
-        """Return the data of a sound attachment of this name, wherever it stands."""
+        """Return the data of an intact attachment of this name, wherever it is."""
         needle = len(name).to_bytes(4, 'little') + name.encode()
         if not self.size:
             return None
@@ -257,7 +254,7 @@ class Scanner:
 
 
 def attachment_sound(record: Record) -> bool:
-    """Whether an attachment's checksum is right (or left out)."""
+    """Whether an attachment's checksum is correct (or absent)."""
     crc = int.from_bytes(record.body[-4:], 'little')
     return crc in (0, zlib.crc32(record.body[:-4]))
 
@@ -266,12 +263,12 @@ def parse(path: Path, record: Record, reader: Callable[[ReadDataStream], T]) -> 
     """
     Parse a record's content with the ``mcap`` library's ``reader``.
 
-    Raises Damage where the content does not fit.
+    Raises Damage if the content is invalid.
     """
     stream = ReadDataStream(io.BytesIO(record.body))
     try:
         found = reader(stream)
-    except Exception as error:  # whatever the library trips over in damaged bytes
+    except Exception as error:  # any error of the library on damaged bytes
         raise Damage(
             path, record.offset, f'content of a record ({type(error).__name__})'
         ) from None
@@ -280,7 +277,7 @@ def parse(path: Path, record: Record, reader: Callable[[ReadDataStream], T]) -> 
 
 def unpack(path: Path, record: Record) -> bytes:
     """
-    Return the records inside of a chunk, decompressed and checked.
+    Return the records inside a chunk, decompressed and checked.
 
     Raises Damage, or BagLimitError if the chunk is too large.
     """
@@ -322,7 +319,7 @@ _DECOMPRESS: dict[str, Callable[[bytes, int], bytes]] = {
 
 
 def inner_records(path: Path, offset: int, data: bytes) -> Iterator[Message | Record]:
-    """Yield the messages (and other records) in a chunk's data; Damage where it breaks off."""
+    """Yield the messages (and other records) in a chunk's data; Damage if truncated."""
     position, size = 0, len(data)
     while position < size:
         if position + _HEAD.size > size:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The files of a bag: MCAP or sqlite3, one or several, and what each says of itself.
+The files of a bag: MCAP or sqlite3, one or several, and their descriptions.
 
-A bag of this package is one MCAP file.  rosbag2 also splits a bag into several
-and writes sqlite3.  ``metadata.yaml`` is not needed; no path found in a bag is
-ever opened: of the files in the directory it only tells which belong together.
+A bag of this package is one MCAP file.  rosbag2 also splits bags into several files and writes
+sqlite3.  ``metadata.yaml`` is optional and only tells which files of a directory belong
+together; no path found in a bag is ever opened.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _SUFFIXES = ('.mcap', '.db3')
 
 @dataclass
 class Front:
-    """What a bag's file says of itself, apart from its messages."""
+    """The description in a bag's file: everything but its messages."""
 
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -61,7 +61,7 @@ class Front:
     library: str = ''
 
     def take(self, path: Path, record: Record) -> None:
-        """Take in a record if it is of these; Damage if it cannot be parsed."""
+        """Store a record if it is part of the description; Damage if it cannot be parsed."""
         if record.opcode == Opcode.CHANNEL:
             channel = library_record(path, record, Channel)
             self.channels.setdefault(channel.id, channel)
@@ -88,7 +88,7 @@ class Front:
 
     @property
     def whole(self) -> bool:
-        """Whether the scenario with its torque rows is here."""
+        """Whether the scenario with its torque rows is present."""
         return SCENARIO_FILE in self.attachments
 
     def kinds(self) -> Iterator[tuple[int, str, str]]:
@@ -106,27 +106,27 @@ class BagFile:
         self.path = path
 
     def front(self) -> Front:
-        """Return what the file says of itself, wherever it stands."""
+        """Return the description of the file, wherever in it that is."""
         front, damaged = Front(), False
         with Scanner(self.path) as scanner:
             try:
                 for record in scanner.records(bodies=False):
                     front.take(self.path, record)
             except Damage:
-                damaged = True  # it counts only if something is missing, which is then said
+                damaged = True  # reported only if something is missing
         if not front.channels or (damaged and not front.whole):
             self._look_into_chunks(front)
         return front
 
     def _look_into_chunks(self, front: Front) -> None:
-        """Other writers put schemas and channels into the chunks."""
+        """Read schemas and channels from the chunks, where other writers put them."""
         with Scanner(self.path) as scanner, contextlib.suppress(Damage):
             for record in scanner.contents():
                 if isinstance(record, Record):
                     front.take(self.path, record)
 
     def messages(self) -> Iterator[Message]:
-        """Yield all messages in the order of the file; Damage where it breaks off."""
+        """Yield all messages in the order of the file; Damage if it is truncated."""
         with Scanner(self.path) as scanner:
             for record in scanner.contents():
                 if isinstance(record, Message):
@@ -137,7 +137,7 @@ class SqliteFile(BagFile):
     """One sqlite3 file, read by the ``rosbags`` library; BagFormatError if it is none."""
 
     def front(self) -> Front:
-        """Return topics and types; this storage has nothing else of ours."""
+        """Return topics and types; this storage holds nothing else of this package."""
         front = Front()
         for number, _, connection in self._read(messages=False):
             front.schemas[number] = Schema(
@@ -150,7 +150,7 @@ class SqliteFile(BagFile):
         return front
 
     def messages(self) -> Iterator[Message]:
-        """Yield all messages in order of their time."""
+        """Yield all messages in order of time."""
         for number, time, data in self._read(messages=True):
             yield Message(number, 0, time, time, bytes(data))
 
@@ -163,7 +163,7 @@ class SqliteFile(BagFile):
                 else:
                     for connection in reader.connections[:MAX_CHANNELS]:
                         yield connection.id, 0, connection
-        except Exception as error:  # whatever the library trips over in damaged bytes
+        except Exception as error:  # any error of the library on damaged bytes
             text = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
             raise BagFormatError(f'{self.path}: not a sqlite3 bag: {text}') from None
 
@@ -172,15 +172,15 @@ def open_files(run: str | os.PathLike[str]) -> list[BagFile]:
     """
     Return the files of RUN's bag: a run's directory, the bag in it, or one file itself.
 
-    Those of a split bag in order of their numbers.  Raises BagError where there is none, or
-    where they are not one bag's.
+    Files of a split bag are in order of their numbers.  Raises BagError if there is none, or
+    if they do not belong to one bag.
     """
     paths = _find(Path(run))
     return [SqliteFile(path) if path.suffix == '.db3' else BagFile(path) for path in paths]
 
 
 def find_bag(run: str | os.PathLike[str]) -> Path:
-    """Return the only file of RUN's bag; BagError where there is none, or several."""
+    """Return the only file of RUN's bag; BagError if there is none, or several."""
     paths = _find(Path(run))
     if len(paths) > 1:
         raise BagError(f'{paths[0].parent}: holds {len(paths)} files of a bag, one is expected')
@@ -212,7 +212,7 @@ def _refuse_compressed(paths: list[Path]) -> None:
 
 
 def _of_one_bag(directory: Path, files: list[Path]) -> list[Path]:
-    """Return ``files``; BagError where ``metadata.yaml``, if it is there, says otherwise."""
+    """Return ``files``; BagError if ``metadata.yaml`` exists and contradicts."""
     if len({file.suffix for file in files}) > 1:
         raise BagError(f'{directory}: holds .mcap and .db3 files, one bag is expected')
     if len(files) == 1:
@@ -228,5 +228,5 @@ def _of_one_bag(directory: Path, files: list[Path]) -> list[Path]:
 
 
 def _number(path: Path) -> tuple[list[int], str]:
-    """Return a key that puts ``bag_10`` behind ``bag_9``."""
+    """Return a sort key that puts ``bag_10`` after ``bag_9``."""
     return [int(digits[-18:]) for digits in re.findall(r'\d+', path.name)], path.name
