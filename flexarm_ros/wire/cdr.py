@@ -15,20 +15,18 @@
 """
 Fixed-layout CDR codecs of the messages of a run.
 
-Every message of a run has the same names, frames and array lengths at every
-tick, so its CDR image differs only in the stamp and in a few float64 runs.  A
-codec builds that image once and afterwards only copies numbers in and out of
-it: about a microsecond a message, against tens for a general serializer.
+Every message of a run has the same names, frames and array lengths at every tick, so its CDR
+image differs only in the stamp and in a few sequences of float64.  A codec builds that image once
+and then only copies numbers: about a microsecond per message, against tens for a general
+serializer.
 
-Layout: OMG CDR version 1, little endian, behind the four bytes of the
-encapsulation header (00 01 00 00), as ROS 2 middleware puts it on the wire.
-Alignment counts from behind that header.  Padding is written as zeros.  Other
-serializers (Fast CDR below rclpy among them) leave whatever was in memory in
-the padding and may append bytes, so decoding compares everything but the
-padding and ignores what follows.
+Layout: OMG CDR version 1, little endian, after the four bytes of the encapsulation header
+(00 01 00 00), as sent by ROS 2 middleware.  Alignment counts from the end of that header.
+Padding is written as zeros.  Other serializers (such as Fast CDR below rclpy) leave old memory
+content in the padding and may append bytes, so decoding ignores the padding and anything after
+the message.
 
-Numbers pass unchanged, NaN and infinities too: checking them is the business
-of whoever uses them.
+Numbers pass unchanged, including NaN and infinities; the receiver has to check them.
 """
 
 from __future__ import annotations
@@ -125,10 +123,10 @@ class Codec:
 
     def _compile(self, image: _Image) -> None:
         """
-        Make the one `struct.Struct` of the message, and what sorts its items.
+        Create the `struct.Struct` of the message and the index of its items.
 
-        Items are the constant spans, sec and nanosec, and the fields; padding is none: it is
-        packed as zeros and passed over when unpacked.
+        Items are the constant spans, sec and nanosec, and the fields.  Padding is not an item:
+        it is packed as zeros and skipped when unpacking.
         """
         self._spans = _spans(image.fixed)
         items = [(start, end, f'{end - start}s') for start, end in self._spans]
@@ -155,7 +153,7 @@ class Codec:
         return self._struct.pack(*self._order(items))
 
     def decode(self, data: bytes) -> tuple[int, tuple[float, ...]]:
-        """Return ``(stamp_ns, values)``; ValueError where the layout is another one."""
+        """Return ``(stamp_ns, values)``; ValueError if the layout differs."""
         if len(data) < self.size:
             raise ValueError(f'{self.type_name}: {len(data)} bytes, at least {self.size} needed')
         items = self._struct.unpack_from(data)
@@ -164,16 +162,16 @@ class Codec:
         return items[self._sec] * _NS + items[self._nanosec], self._pick_values(items)
 
     def _differs_at(self, data: bytes) -> int:
-        """Return where the first constant span begins that is not as it should be."""
+        """Return the start of the first constant span that differs."""
         return next(a for a, b in self._spans if data[a:b] != self._template[a:b])
 
     def decode_any(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """
-        As :meth:`decode`, but any valid layout that holds the fields will do.
+        As :meth:`decode`, for any valid layout that holds the fields.
 
-        Slower (tens of microseconds) for what :meth:`decode` refuses: big
-        endian, another order of names, further joints, other frames.  Raises
-        ValueError where the bytes are no such message or a field is missing.
+        Slower (tens of microseconds), for messages that :meth:`decode` rejects: big endian,
+        another order of names, further joints, other frames.  Raises ValueError if the bytes
+        are not such a message or a field is missing.
         """
         try:
             return self.decode(data)
@@ -186,8 +184,7 @@ class Codec:
         """
         Encode many messages: stamps ``(n,)``, ns, values ``(n, fields)``.
 
-        Returns the messages as rows, shape ``(n, size)``, the same bytes as
-        :meth:`encode` gives one by one.
+        Returns the messages as rows, shape ``(n, size)``, with the same bytes as :meth:`encode`.
         """
         rows = np.tile(np.frombuffer(self._template, np.uint8), (len(stamps), 1))
         pair = np.empty((len(stamps), 2), '<u4')
@@ -204,7 +201,7 @@ class Codec:
         Decode many messages.
 
         Returns stamps, shape ``(n,)``, ns, and values, shape ``(n, fields)``.
-        Messages of another layout go through :meth:`decode_any` one by one.
+        Messages of another layout are decoded one by one by :meth:`decode_any`.
         """
         count = len(messages)
         whole = b''.join(messages)
@@ -228,7 +225,7 @@ class Codec:
 
 
 def _pick(places: Sequence[int]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """Return what makes a tuple of the items at these places."""
+    """Return a function that takes the items at these indices as a tuple."""
     if len(places) > 1:
         return itemgetter(*places)
     return itemgetter(slice(places[0], places[0] + 1) if places else slice(0))
@@ -245,7 +242,7 @@ class JointStateCodec(Codec):
     ``sensor_msgs/msg/JointState`` with these names and this frame.
 
     Values: the arrays named in ``fields`` (of ``position``, ``velocity``,
-    ``effort``), one after the other, each as long as ``names``; the other
+    ``effort``) in sequence, each as long as ``names``; the other
     arrays are empty.
     """
 
@@ -274,8 +271,8 @@ class OdometryCodec(Codec):
     ``nav_msgs/msg/Odometry`` of a point in the plane.
 
     Values: x, y (m), vx, vy (m/s).  Orientation is the identity.  The
-    covariance of position has ``position_variance`` (m^2) for x and y, all
-    else is 0.
+    covariance of position has ``position_variance`` (m^2) for x and y and is
+    otherwise 0.
     """
 
     def __init__(self, frame_id: str, child_frame_id: str, position_variance: float = 0.0) -> None:
@@ -296,7 +293,7 @@ class OdometryCodec(Codec):
 
 
 class ClockCodec(Codec):
-    """``rosgraph_msgs/msg/Clock``: a stamp and nothing else."""
+    """``rosgraph_msgs/msg/Clock``: only a stamp."""
 
     def __init__(self) -> None:
         image = _Image()

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-Decoding of valid messages in layouts other than ours.
+Decoding of valid messages in layouts other than that of this package.
 
-A user's own controller may fill ``JointState.name`` in another order, add
-joints, or run on a big-endian machine.  The ``rosbags`` type store reads any
-valid CDR image without ROS.
+An external controller may fill ``JointState.name`` in another order, add joints, or run on a
+big-endian machine.  The ``rosbags`` type store reads any valid CDR image without ROS.
 """
 
 from __future__ import annotations
@@ -44,9 +43,9 @@ def typestore() -> Typestore:
 
 def message(type_name: str, data: bytes) -> Any:
     """
-    Return ``data`` as a message object of the type store; ValueError if it is none.
+    Return ``data`` as a message object of the type store; ValueError if invalid.
 
-    Some serializers append a few bytes behind the message; they are ignored.
+    Some serializers append a few bytes to the message; they are ignored.
     """
     for surplus in range(0, _SURPLUS + 1, 4):
         try:

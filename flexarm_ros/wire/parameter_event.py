@@ -15,9 +15,8 @@
 """
 Live parameters in a bag: one ``rcl_interfaces/ParameterEvent`` for each change.
 
-The topic is in a bag only where a parameter was set while the run went on, so
-that the bytes of all other runs do not depend on it.  Log time and stamp are
-those of the first tick with the new value.
+A bag has the topic only if a parameter was set during the run, so that the bytes of other runs
+do not depend on it.  Log time and stamp are those of the first tick with the new value.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from flexarm_ros.wire.topics import Qos
 import numpy as np
 
 TOPIC = 'lockstep/changes'
-"""Relative name, as the nodes publish it."""
+"""Relative name, as published by the nodes."""
 
 PATH = '/' + TOPIC
 TYPE = 'rcl_interfaces/msg/ParameterEvent'
@@ -63,7 +62,7 @@ def encode(change: Change, period_ns: int) -> bytes:
 
 
 def decode(data: bytes, period_ns: int) -> Change:
-    """Undo `encode`; ValueError where the message is no such change."""
+    """Undo `encode`; ValueError if the message is not such a change."""
     event = message(TYPE, data)
     stamp_ns = event.stamp.sec * NS_PER_S + event.stamp.nanosec
     tick, rest = divmod(stamp_ns - T0_NS, period_ns)
@@ -75,9 +74,9 @@ def decode(data: bytes, period_ns: int) -> Change:
 
 def checked(change: Change) -> Change:
     """
-    Return ``change``; ValueError where it names no live parameter or its value is not allowed.
+    Return ``change``; ValueError if the parameter is not live or the value not allowed.
 
-    What came over the network or from a file is checked as a scenario is.
+    Values from the network or from a file are checked like those of a scenario.
     """
     section = SECTIONS.get(change.node)
     entry = specs(section).get(change.key) if section and change.node != '/**' else None

@@ -15,11 +15,10 @@
 """
 The topics of a run: names, types, quality of service and canonical order.
 
-At every tick each of these topics carries exactly one message, ``/clock`` only where
-``/**.clock_rate`` says so.  Which they are follows from the run's parts
-(`flexarm_ros.core.run.parts`).  The order of ``per_tick_topics`` is the order of the messages
-of one tick in a bag; it follows the flow of the data: clock, state, measurements and
-reference, torque.
+Each of these topics carries exactly one message at every tick, except ``/clock``, which depends
+on ``/**.clock_rate``.  The topics follow from the run's parts (`flexarm_ros.core.run.parts`).
+The order of ``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
+the data flow: clock, state, measurements and reference, torque.
 """
 
 from __future__ import annotations
@@ -40,20 +39,19 @@ CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = map(
     _NAMES.index,
     (parts.CLOCK, parts.STATE, parts.JOINT_STATES, parts.TIP, parts.REFERENCE, parts.COMMAND),
 )
-"""Index of each topic in ``per_tick_topics``; those of further tip sensors come behind them."""
+"""Index of each topic in ``per_tick_topics``; those of further tip sensors come last."""
 
 DEPTH = 1000
 """Depth of every history, in messages.
 
-Deep, because the recorder sleeps and takes messages in batches: it may be as
-many ticks late.  Reliable keep-last publishers drop what a late reader has not
-acknowledged once the depth is passed.
+The recorder takes messages in batches and may lag by as many ticks.  Reliable keep-last
+publishers drop messages that a late reader has not acknowledged once the depth is exceeded.
 """
 
 
 @dataclass(frozen=True)
 class Qos:
-    """Quality of service of a topic, in rmw's terms."""
+    """Quality of service of a topic, in the terms of rmw."""
 
     reliability: str = 'reliable'
     durability: str = 'volatile'
@@ -68,7 +66,7 @@ class Topic:
 
     ``name`` is relative (``plant/state``), so that namespaces and remapping
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
-    it, at tick 0 and every ``every`` ticks.  ``late`` and ``ahead`` tell of its stamps: see
+    it, at tick 0 and every ``every`` ticks.  For the stamps ``late`` and ``ahead`` see
     `flexarm_ros.core.run.parts.Part`.
     """
 
@@ -122,7 +120,7 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
 
 
 def codec(content: Clock | Joints | PlanarPoint) -> Codec:
-    """Return what makes bytes of a signal's values."""
+    """Return the codec of a signal's values."""
     if isinstance(content, Joints):
         return JointStateCodec(content.names, BASE_FRAME, content.fields)
     if isinstance(content, PlanarPoint):
@@ -132,9 +130,9 @@ def codec(content: Clock | Joints | PlanarPoint) -> Codec:
 
 def topics_of(modes: int, further: int = 0, clock_every: int = 1) -> tuple[Topic, ...]:
     """
-    Return the topics of a run of which only this is known, in canonical order.
+    Return the topics of a run without a scenario, in canonical order.
 
-    ``modes``: assumed modes a link; ``further``: number of tip sensors at
+    ``modes``: assumed modes per link; ``further``: number of tip sensors at
     ``tip_sensor.more_locations``; ``clock_every``: ticks between messages on ``/clock``.
     """
     plant = PlantParameters(modes=modes)
