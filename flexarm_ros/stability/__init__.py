@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The sampled loop in linear terms: models, eigenvalues, margins, natural frequencies.
+The sampled loop, linearised: models, eigenvalues, margins, natural frequencies.
 
-Imports core only; no number of a run depends on it.
+Imports core only; the numbers of a run do not depend on it.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A control law about rest as matrices, :class:`LinearLaw`."""
+"""A control law, linearised about rest, as matrices: :class:`LinearLaw`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LinearLaw:
     has i = 2 n + 8 entries: the plant's n coordinates and n rates of this
     tick, then the encoder's (theta1, theta2 and their rates) and the tip
     sensor's (x, y, vx, vy in frame ``base``) samples as delivered.  ``gain``
-    is a factor that the torques have: K_s lambda of (21), 1 where there is none.
+    is a common factor of the torques: K_s lambda of (21), otherwise 1.
     """
 
     a: FloatArray

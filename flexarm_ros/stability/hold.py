@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parts of a sampled loop as state-space matrices: the held plant and the delay lines."""
+"""Parts of a sampled loop as state-space matrices: plant with zero-order hold, delay lines."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def hold_matrices(
     arm: LinearArm, period: float, substeps: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """
-    Return A ``(2n, 2n)`` and B ``(2n, 2)`` of one tick of ``period`` s with the torques held.
+    Return A ``(2n, 2n)`` and B ``(2n, 2)`` of one tick of ``period`` s, zero-order-hold torques.
 
     Exact (Astrom and Wittenmark, Computer-Controlled Systems, 3rd edition,
     section 2.3), or with ``substeps`` the result of that many classical
-    Runge-Kutta steps, which is what the plants compute: the polynomial
+    Runge-Kutta steps, as the plants compute them: the polynomial
     1 + z + z^2/2 + z^3/6 + z^4/24 of the continuous matrix times the step.
     """
     state, force = arm.state_space()
@@ -54,8 +54,8 @@ class DelayLine:
     """
     A delay as h+ = a h + b y, delivered = c h + d y.
 
-    For ``w`` channels and l states each: ``a`` ``(l w, l w)``, ``b`` ``(l w, w)``,
-    ``c`` ``(w, l w)``, ``d`` ``(w, w)``; the channels of one age stand together.
+    For ``w`` channels with l states each: ``a`` ``(l w, l w)``, ``b`` ``(l w, w)``,
+    ``c`` ``(w, l w)``, ``d`` ``(w, w)``; channels of equal age are adjacent.
     """
 
     a: FloatArray
@@ -64,7 +64,7 @@ class DelayLine:
     d: FloatArray
 
     def wide(self, channels: int) -> DelayLine:
-        """Return the line of one channel for ``channels`` equal ones."""
+        """Return this line of one channel, repeated for ``channels`` channels."""
 
         def wide(part: FloatArray) -> FloatArray:
             return np.asarray(np.kron(part, np.eye(channels)), dtype=float)
@@ -79,10 +79,10 @@ def line_length(period_ns: int, latency_ns: int) -> int:
 
 def buffer_line(period_ns: int, latency_ns: int) -> DelayLine:
     """
-    Return the one channel's line of :class:`flexarm_ros.core.sensing.delay.BufferDelay`.
+    Return the one-channel line of :class:`flexarm_ros.core.sensing.delay.BufferDelay`.
 
-    States: the samples of the ticks before, the newest first.  A latency of
-    w + p ticks, 0 <= p < 1, weighs the samples of age w and w + 1 with 1 - p and p.
+    States: the samples of the previous ticks, newest first.  A latency of
+    w + p ticks, 0 <= p < 1, weights the samples of age w and w + 1 by 1 - p and p.
     """
     ticks, rest = divmod(latency_ns, period_ns)
     length = line_length(period_ns, latency_ns)
@@ -96,9 +96,9 @@ def buffer_line(period_ns: int, latency_ns: int) -> DelayLine:
 
 def pade_line(period_ns: int, latency_ns: int) -> DelayLine:
     """
-    Return the one channel's line of :class:`flexarm_ros.core.sensing.delay.PadeDelay`.
+    Return the one-channel line of :class:`flexarm_ros.core.sensing.delay.PadeDelay`.
 
-    States: its z1, z2 and the last input.
+    States: z1, z2 and the last input of the filter.
     """
     if latency_ns == 0:
         return buffer_line(period_ns, 0)

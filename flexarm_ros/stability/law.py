@@ -13,16 +13,15 @@
 # limitations under the License.
 
 """
-Control laws about rest: what they make of small deviations.
+Control laws, linearised about rest.
 
-The arm rests with straight links and the reference is constant at its tip, so
-that no force acts: the derivative of J^T multiplies nothing, and (20) and (21)
-are
+The arm rests with straight links and the reference is constant at its tip, so that there is no
+force: the derivative of J^T does not contribute, and (20) and (21) are
 
     tau = -g J^T (Kp dp + Kd dv),
 
-dp and dv being the sensed deviations of the tip.  For (20) g = 1.  For (21)
-g = K_s lambda(0, 0), exactly: lambda's own slope multiplies no force either.
+where dp and dv are the measured deviations of the tip.  For (20) g = 1.  For (21)
+g = K_s lambda(0, 0), exactly: the slope of lambda does not contribute either.
 """
 
 from __future__ import annotations
@@ -44,11 +43,11 @@ def linear_law(config: RunConfig, arm: LinearArm, time: float | None = None) -> 
     """
     Return the law of ``config`` about rest at ``arm``'s pose.
 
-    ``time``, s: when the trajectory has the pose, for laws whose gains belong to the time; left
-    out, the last time at which the plan's elbow angle is nearest.  A law of another module takes
-    part by a class method ``linear_form(config, arm) -> LinearLaw``.
+    ``time``, s: when the trajectory has the pose, for time-varying laws; default the last time
+    at which the plan's elbow angle is nearest.  A law of another module takes part with a class
+    method ``linear_form(config, arm) -> LinearLaw``.
 
-    Raises NoLinearFormError for one that has none.
+    Raises NoLinearFormError for a law without one.
     """
     name = config.controller.law
     if name == 'pd':
@@ -72,13 +71,13 @@ def _jacobian_law(config: RunConfig, arm: LinearArm) -> FloatArray:
     whole = sum(config.plant.length)
     j11, j12, j21, j22 = jacobian(config.plant.length, arm.theta1, arm.theta2, whole)
     tip = np.array([[j11, j12], [j21, j22]])
-    # Columns: q, q', the encoder's angles and rates, the sensor's place and velocity.
+    # Columns: q, q', the encoder's angles and rates, the tip sensor's position and velocity.
     position, rate = np.zeros((2, 2, 2 * size + 8))
     joint_rates = slice(size, size + 2)
     if controller.feedback == 'encoder':
         position[:, -8:-6] = rate[:, -6:-4] = tip
     else:
-        # The rest of link 2 is carried on at this tick's joint angles.
+        # The remaining part of link 2 is extended at this tick's joint angles.
         rest = max(whole - config.tip_sensor.location, 0.0)
         angle = arm.theta1 + arm.theta2
         carried = np.outer([-rest * math.sin(angle), rest * math.cos(angle)], [1.0, 1.0])

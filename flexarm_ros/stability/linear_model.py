@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-The arm about a pose as one linear system: torques in, what the sensors deliver out.
+The arm about a pose as one linear system, from torques to delivered measurements.
 
-This is the part of :class:`flexarm_ros.stability.sampled_loop.SampledLoop` that is not the law, as
-matrices that any control library takes.  In discrete time, one step a tick, it is what is flown:
-torques held over a tick, delays exact (``buffer``) or the ramp-invariant approximation
-(``pade2``).  In continuous time every delay is the second-order Pade approximation, as the paper
-has it.
+This is :class:`flexarm_ros.stability.sampled_loop.SampledLoop` without the law, as matrices for
+any control library.  The discrete-time model, one step per tick, equals the simulation:
+zero-order-hold torques, delays exact (``buffer``) or the ramp-invariant approximation
+(``pade2``).  In continuous time every delay is the second-order Pade approximation, as in the
+paper.
 """
 
 from __future__ import annotations
@@ -86,9 +86,9 @@ def linear_model(
     Return the arm of ``config`` with both sensors and their delays, about rest at a pose, rad.
 
     Outputs: the plant's coordinates and rates (undelayed), encoder and tip sensor as delivered,
-    the end deflections (undelayed).  Not in it: noise, counts, speed.  Raises ``ValueError``,
-    naming the key, for a tip sensor slower than the tick (no time-invariant system) and for a
-    delay of too many ticks.
+    the end deflections (undelayed).  Not included: noise, encoder resolution, motion of the
+    pose.  Raises ``ValueError``, naming the key, for a tip sensor slower than the tick (not
+    time-invariant) and for a delay of too many ticks.
     """
     arm = linearise(config, theta2, theta1)
     size = len(arm.mass)
@@ -125,7 +125,7 @@ def linear_model(
 def _joined(
     a: FloatArray, b: FloatArray, sensed: list[FloatArray], lines: list[DelayLine]
 ) -> DelayLine:
-    """Return arm and delay lines as one system, its outputs what the two sensors deliver."""
+    """Return arm and delay lines as one system whose outputs are those of the two sensors."""
     size = len(a)
     inner = block_diag(*(line.a for line in lines))
     taken = np.vstack([line.b @ part for line, part in zip(lines, sensed, strict=True)])

@@ -15,9 +15,9 @@
 """
 Margins of the sampled loop at poses along the trajectory.
 
-All are found on the eigenvalues themselves: a margin is where the largest
-modulus passes 1, searched in steps and refined by bisection.  A window
-narrower than a step, :data:`GAIN_STEP` or :data:`LATENCY_STEPS`, can be missed.
+All are found from the eigenvalues: a margin is where the largest modulus exceeds 1, searched in
+steps and refined by bisection.  A window narrower than a step, :data:`GAIN_STEP` or
+:data:`LATENCY_STEPS`, can be missed.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
 
 ROUNDING = 1e-9
-"""By how much a modulus may pass 1 from rounding alone (a double root moves by 1e-8.5)."""
+"""Allowed excess of a modulus over 1 from rounding (a double root moves by 1e-8.5)."""
 
 GAIN_STEP = 1.1
 GAIN_SPAN = 1000.0
-"""Gains are searched from the loop's own down and up by this factor."""
+"""Gains are searched up and down from the loop's own by this factor."""
 
 LATENCY_STEPS = 60
-"""Steps of the search for the crossing delay, or one a tick where those are longer."""
+"""Steps of the search for the crossing delay, each at least a tick."""
 
 MAX_LATENCY_S = 0.06
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A pose: its joint angles, rad, and when the trajectory has it, s (``None``: not its)."""
+    """A pose: joint angles, rad, and its time on the trajectory, s (``None``: not on it)."""
 
     time: float | None
     theta1: float
@@ -60,15 +60,13 @@ class PoseStability:
     """
     The loop about rest at one pose, with one gain.
 
-    ``gain``: K_s lambda of (21), 1 for (20).  ``modulus``: of the largest
-    eigenvalue a tick, with its growth rate ln(modulus) / T, 1/s, and its
-    frequency, rad/s.  ``gain_low``, ``gain_high``: the stable range of gains
-    around this one, or, when the loop is unstable, the next below it (both
-    ``None`` if there is none); a ``None`` otherwise stands for an end that is
-    more than a factor of 1000 away.  ``crossing_s``: the smallest total
-    latency, s, at which an eigenvalue leaves the unit circle; 0 when the loop
-    is unstable without any, ``None`` when there is none within ``searched_s``.
-    ``eigenvalues``: all that are larger than 0.5, the largest first.
+    ``gain``: K_s lambda of (21), 1 for (20).  ``modulus``: that of the largest eigenvalue per
+    tick, with its growth rate ln(modulus) / T, 1/s, and its frequency, rad/s.  ``gain_low``,
+    ``gain_high``: the stable range of gains around this one or, if the loop is unstable, the
+    next below it (both ``None`` without one); otherwise ``None`` means an end more than a
+    factor of 1000 away.  ``crossing_s``: the smallest total latency, s, at which an eigenvalue
+    leaves the unit circle; 0 if the loop is unstable without latency, ``None`` without a
+    crossing within ``searched_s``.  ``eigenvalues``: all larger than 0.5, in descending order.
     """
 
     pose: Pose
@@ -86,17 +84,17 @@ class PoseStability:
 
     @property
     def stable(self) -> bool:
-        """Whether no eigenvalue is outside the unit circle, rounding apart."""
+        """Whether no eigenvalue is outside the unit circle, up to rounding."""
         return self.modulus <= 1.0 + ROUNDING
 
     @property
     def gain_margin(self) -> float | None:
-        """By what factor the gain may grow, or below 1 must fall; ``None`` without a limit."""
+        """Factor to the limit of the gain, below 1 if unstable; ``None`` without a limit."""
         return None if self.gain_high is None else self.gain_high / self.gain
 
     @property
     def delay_margin_s(self) -> float | None:
-        """Crossing delay less the latency: negative when unstable for that reason."""
+        """Crossing delay minus latency; negative if unstable because of the latency."""
         return None if self.crossing_s is None else self.crossing_s - self.latency_s
 
 
@@ -108,10 +106,10 @@ def analyse(
     integrator: str = 'exact',
 ) -> PoseStability:
     """
-    Return stability and margins at ``pose``; ``gain`` takes the place of the law's own.
+    Return stability and margins at ``pose``; ``gain`` replaces the law's own.
 
     Raises NoLinearFormError, and ``ValueError`` for a latency of too many
-    ticks; the search for the crossing delay stops at that limit.
+    ticks, which also limits the search for the crossing delay.
     """
     loop = SampledLoop(config, pose.theta2, integrator, time=pose.time)
     own = loop.gain
@@ -140,15 +138,15 @@ def analyse(
 
 
 def is_stable(loop: SampledLoop, factor: float = 1.0, latency_ns: int | None = None) -> bool:
-    """Return whether no eigenvalue is outside the unit circle, rounding apart."""
+    """Return whether no eigenvalue is outside the unit circle, up to rounding."""
     return loop.modulus(factor, latency_ns) <= 1.0 + ROUNDING
 
 
 def crossing_ns(loop: SampledLoop, factor: float, limit_ns: int) -> int | None:
     """
-    Return the smallest latency, ns, at which the loop is unstable; ``None`` up to the limit.
+    Return the smallest latency, ns, at which the loop is unstable; ``None`` if beyond the limit.
 
-    To the microsecond, or a thousandth of a tick where that is longer.
+    Accurate to a microsecond, or a thousandth of a tick if that is longer.
     """
     step = max(loop.period_ns, limit_ns // LATENCY_STEPS)
     below = 0
@@ -176,7 +174,7 @@ def gain_range(loop: SampledLoop, factor: float) -> tuple[float | None, float | 
     Return the stable range of factors around ``factor``, or the next one below it.
 
     ``None``: an end more than :data:`GAIN_SPAN` away; both, if ``factor`` is
-    unstable: no stable range down to there.
+    unstable and there is no stable range within that span.
     """
 
     def search(start: float, ratio: float, wanted: bool) -> float | None:
@@ -209,9 +207,9 @@ def _boundary(loop: SampledLoop, first: float, second: float) -> float:
 
 def poses_along(config: RunConfig, count: int = 7) -> list[Pose]:
     """
-    Return up to ``count`` poses of the flown trajectory, evenly spread in theta2.
+    Return up to ``count`` poses of the trajectory, evenly spaced in theta2 >= 0.
 
-    The loop's eigenvalues depend on theta2 alone.  theta2 >= 0.
+    The loop's eigenvalues depend on theta2 alone.
     """
     path, timeline = make_path(config), Timeline.of(config.run)
     end = timeline.duration_ns

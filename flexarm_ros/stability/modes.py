@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The arm linearised about rest: matrices, natural frequencies, transfer functions' ingredients.
+The arm linearised about rest: matrices, natural frequencies, data for transfer functions.
 
-At rest with straight links every Coriolis and centrifugal term is of second
-order, so that both models are M x'' + D x' + K x = B tau there, in the
-coordinates of the plant: theta1, theta2, then the modal ones.
+At rest with straight links all Coriolis and centrifugal terms are of second order, so that both
+models reduce to M x'' + D x' + K x = B tau in the coordinates of the plant: theta1, theta2, then
+the modal ones.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ JOINTS = {
     'shoulder-locked': (True, False),
     'elbow-locked': (False, True),
 }
-"""Joint condition -> which of shoulder and elbow are locked."""
+"""Joint condition -> whether shoulder and elbow are locked."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,7 @@ class LinearArm:
     ``mass``, ``damping`` and ``stiffness`` ``(n, n)`` (SI units of the
     coordinates: rad for the joints), ``torque`` ``(n, 2)`` = B, ``deflection``
     ``(2, n)``: delta1 and delta2 = deflection x.  ``theta1`` and ``theta2``,
-    rad, are the pose.  ``kept``: which of the plant's coordinates x holds, all
-    but those of locked joints.
+    rad, are the pose.  ``kept``: the plant's coordinates in x, all but those of locked joints.
     """
 
     plant: PlantParameters
@@ -144,17 +143,17 @@ def linearise(config: RunConfig, theta2: float, theta1: float = 0.0) -> LinearAr
 
 def natural_frequencies(config: RunConfig, theta2: float, joints: str) -> FloatArray:
     """
-    Return the undamped natural frequencies, rad/s, rising, without the rigid modes.
+    Return the undamped natural frequencies, rad/s, ascending, without rigid-body modes.
 
-    ``joints``: a key of :data:`JOINTS`.  A free joint is one rigid mode less
-    and carries its hub inertia; a locked joint's hub does not matter.
+    ``joints``: a key of :data:`JOINTS`.  A free joint has a rigid-body mode
+    and its hub inertia counts; that of a locked joint does not.
     """
     arm = linearise(config, theta2)
     mass = arm.mass
     for joint, locked in enumerate(JOINTS[joints]):
         if not locked:
-            # No stiffness acts on a free joint, so that it follows without force: eliminated
-            # exactly, and no eigenvalue 0 is left to blur the others.
+            # No stiffness acts on a free joint: it is eliminated exactly, so that no
+            # eigenvalue 0 degrades the accuracy of the others.
             column = mass[:, joint]
             mass = mass - np.outer(column, column) / mass[joint, joint]
     root = np.sqrt(np.diag(arm.stiffness)[2:])

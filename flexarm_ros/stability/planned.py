@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-The laws that plan the motion, about rest at a pose: what they make of small deviations.
+The motion-planning laws, linearised about rest at a pose.
 
-Deviations are those from the plan, which at rest asks for no torque.
+Deviations are from the plan, which needs no torque at rest.
 
-``inverse``: tau = -K_p dtheta - K_d dtheta', of the encoders.  ``passive``: the same with the low
-pass, and the past of what it expects, as states.  ``lqg`` and ``adaptive``: the filter's state
-(x and the chain of the sensed point's past), the added torque v and the integral I.  Their gains
-belong to the time and are frozen at that of the pose (frozen-time eigenvalues); the model in the
-filter is taken at the pose.  The unknowns are left out: ``lqg`` does not correct them, and at rest
-nothing shows those of ``adaptive``, which are held here.
+``inverse``: tau = -K_p dtheta - K_d dtheta', from the encoders.  ``passive``: the same, with the
+low-pass and the past of its expected measurements as states.  ``lqg`` and ``adaptive``: the
+filter's state (x and the chain of past positions of the sensed point), the added torque v and the
+integral I.  Their gains vary with time and are frozen at the time of the pose (frozen-time
+eigenvalues); the model in the filter is that of the pose.  The unknown parameters are left out:
+``lqg`` does not correct them, and those of ``adaptive``, not observable at rest, are constant.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from flexarm_ros.stability.modes import LinearArm, linearise
 import numpy as np
 
 _NEAR = 0.02
-"""Elbow angles that count as equally near, rad."""
+"""Difference of elbow angles that count as equal, rad."""
 
 
 def planned_law(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
-    """Return the law of ``config``, one of ``PLANNING``; ``time``, s: whose gains."""
+    """Return the law of ``config``, one of ``PLANNING``, with the gains of ``time``, s."""
     law = config.controller.law
     if law == 'inverse':
         return LinearLaw.static(_joints(config, arm))
@@ -63,7 +63,7 @@ def planned_law(config: RunConfig, arm: LinearArm, time: float | None) -> Linear
 
 
 def _encoder(arm: LinearArm) -> int:
-    """Return the place of the encoder in the law's inputs; the tip sensor's is four further."""
+    """Return the index of the encoder in the law's inputs; the tip sensor's is four higher."""
     return 2 * len(arm.mass)
 
 
@@ -77,14 +77,14 @@ def _joints(config: RunConfig, arm: LinearArm) -> FloatArray:
 
 
 def _delayed(latency: Latency) -> FloatArray:
-    """Return weights ``(1, whole + 2)`` of the values of this tick and those before it."""
+    """Return weights ``(1, whole + 2)`` of the values of this tick and of earlier ones."""
     weights = np.zeros((1, latency.whole + 2))
     weights[0, -2:] = 1.0 - latency.part, latency.part
     return weights
 
 
 def _passive(config: RunConfig, arm: LinearArm) -> LinearLaw:
-    """State: what was expected at the whole + 1 ticks before, the newest first, and c."""
+    """State: the expected measurements of the last whole + 1 ticks, newest first, and c."""
     control, at = config.controller, _encoder(arm)
     first = config.plant.length[0]
     along = (first, max(config.tip_sensor.location - first, 0.0))
@@ -95,7 +95,7 @@ def _passive(config: RunConfig, arm: LinearArm) -> LinearLaw:
     ring = weights.shape[1] - 2
     keep = control.passive_bandwidth * Timeline.of(config.run).period
     share = keep * control.passive_share
-    # c at this tick, which the torque takes already, over the state and over the inputs.
+    # c at this tick, already used by the torque, over the state and over the inputs.
     of_state, of_input = np.zeros((2, ring + 2)), share * weights[:, :2] @ now
     of_state[:, :ring] = share * weights[:, 2:]
     of_state[:, ring:] = (1.0 - keep) * np.eye(2)
@@ -109,7 +109,7 @@ def _passive(config: RunConfig, arm: LinearArm) -> LinearLaw:
 
 
 def _lead(config: RunConfig, arm: LinearArm) -> FloatArray:
-    """Return by how much the joints' targets are led for a correction of the tip, ``(2, 2)``."""
+    """Return the lead of the joints' targets for a correction of the tip, ``(2, 2)``."""
     pose, columns = np.array([arm.theta1, arm.theta2]), []
     for unit in np.eye(2):
         target = np.zeros(2)
@@ -119,14 +119,14 @@ def _lead(config: RunConfig, arm: LinearArm) -> FloatArray:
 
 
 def _lqg(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
-    """State: the filter's x and chain, v, I.  The equations are those of the law's one tick."""
+    """State: the filter's x and chain, v, I.  The equations are those of one tick of the law."""
     latency, period = latency_of(config), Timeline.of(config.run).period
     believed = linearise(RunConfig(run=config.run, plant=model_of(config)), arm.theta2, arm.theta1)
     plan, at = plan_for(config), _encoder(arm)
     n = len(believed.mass)
     size, chain = 2 * n, 2 * (latency.whole + 2)
     regulator, gains = _gains(config, arm, time)
-    # What the filter expects of the six readings, and its estimate after they were taken in.
+    # The filter's prediction of the six readings, and its estimate after their update.
     expected = np.zeros((6, size + chain))
     expected[:2, :2] = expected[2:4, n:][:, :2] = np.eye(2)
     expected[4:, size:] = np.kron(_delayed(latency), np.eye(2))
@@ -157,13 +157,13 @@ def _gains(config: RunConfig, arm: LinearArm, time: float | None) -> tuple[Float
     """
     Return the regulator's gains ``(2, 2 n + 4)`` and the filter's ``(2 n + chain, 6)``.
 
-    Those of ``time``, turned from the plan's direction to the arm's.
+    They are those of ``time``, rotated from the plan's direction to the arm's.
     """
     design, plan = design_of(config), plan_for(config)
     states = plan.motion.state
     spacing = plan.grid.ticks * Timeline.of(config.run).period
     if time is None:
-        # The plan has a pose several times; the last has the gains that have settled.
+        # The plan has a pose several times; at the last one the gains have settled.
         apart = np.abs(states[:, 1] - arm.theta2)
         knot = int(np.flatnonzero(apart <= apart.min() + _NEAR)[-1])
     else:

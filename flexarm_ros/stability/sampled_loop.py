@@ -17,19 +17,19 @@ The sampled closed loop, linearised about rest at a pose of the arm.
 
 The loop's state is
 
-    (x, x', what each sensor's delay line holds, a held tip sample, the law's own state)
+    (x, x', content of each sensor's delay line, a held tip sample, the law's own state)
 
-at the start of a tick; the sensors deliver, the law answers, the torques are
-held and the arm moves to the next.  Small motions about the pose die out when
-every eigenvalue of that one-tick matrix is inside the unit circle.
+at the start of a tick: the sensors deliver, the law computes, the torques are held and the arm
+moves to the next tick.  Small motions about the pose decay if every eigenvalue of this one-tick
+matrix is inside the unit circle.
 
-For (21) this holds at the gain K_s lambda(0, 0) of straight links.  Another
-gain, by ``factor``, freezes lambda at what it is for bent ones: a loop that
-does not exist at rest, but that the arm has while it swings.
+For (21) this holds at the gain K_s lambda(0, 0) of straight links.  Another gain, by ``factor``,
+freezes lambda at its value for bent links: such a loop does not exist at rest, but does while the
+arm swings.
 
-The laws that plan the motion are in :mod:`flexarm_ros.stability.planned`.
+The motion-planning laws are in :mod:`flexarm_ros.stability.planned`.
 
-Not in a linear analysis: torque limits, noise, counts, speed.
+Not in the linear analysis: torque limits, noise, encoder resolution, motion of the pose.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_STATES = 1500
-"""Largest state of a loop that is analysed: its eigenvalues take some ten seconds."""
+"""Largest state of a loop that is analysed; its eigenvalues take about ten seconds."""
 
 NODES = ('encoder', 'tip_sensor')
 CHANNELS = 4
 
 
 def sensor_of(config: RunConfig) -> str:
-    """Return the sensor whose latency counts: ``controller.feedback``'s, or what the law reads."""
+    """Return the sensor whose latency is varied: ``controller.feedback`` or the law's input."""
     control = config.controller
     if control.law == 'inverse':
         return 'encoder'
@@ -69,7 +69,7 @@ def sensor_of(config: RunConfig) -> str:
 
 
 def left_out(config: RunConfig) -> list[str]:
-    """Return the keys of a scenario that act on the flown loop but not on its linear analysis."""
+    """Return the keys of a scenario that affect the simulation but not its linear analysis."""
     keys = {
         'controller.torque_limit': config.controller.torque_limit,
         'encoder.noise_std': config.encoder.noise_std,
@@ -84,11 +84,11 @@ class SampledLoop:
     """
     The closed loop of a scenario about rest at an elbow angle, over one tick.
 
-    ``theta2``, rad; theta1 is 0, since neither arm nor law knows a direction.
+    ``theta2``, rad; theta1 is 0, since arm and law are independent of it.
     ``integrator``: ``exact``, or ``rk4``, the plant's own steps.  ``compress``
     keeps of a sensor's past only those combinations of its four channels that
-    the law reads; without it they are the channels themselves.  ``time``, s: whose gains, for
-    a law whose gains belong to the time.
+    the law reads, instead of the channels themselves.  ``time``, s: time of the gains of a
+    time-varying law.
 
     Raises NoLinearFormError, and ``ValueError`` for a latency of too many ticks.
     """
@@ -120,7 +120,7 @@ class SampledLoop:
 
     @property
     def sensor(self) -> str:
-        """Return the sensor whose latency counts: see :func:`sensor_of`."""
+        """Return the sensor whose latency is varied, see :func:`sensor_of`."""
         return sensor_of(self.config)
 
     @property
@@ -130,7 +130,7 @@ class SampledLoop:
 
     @property
     def longest_latency_ns(self) -> int:
-        """Return the longest latency of that sensor that :meth:`matrix` takes."""
+        """Return the longest latency of that sensor that :meth:`matrix` accepts."""
         if self.sensor == 'tip_sensor' and self._pade:
             return NS_PER_S
         width = max(
@@ -147,8 +147,7 @@ class SampledLoop:
         """
         Return the state's matrix over one tick, or over a slower tip sensor's sample.
 
-        ``factor`` multiplies the torques; ``latency_ns`` takes the place of
-        :attr:`latency_ns`.
+        ``factor`` multiplies the torques; ``latency_ns`` replaces :attr:`latency_ns`.
         """
         latencies = dict(zip(NODES, self._latencies, strict=True))
         if latency_ns is not None:
@@ -164,9 +163,9 @@ class SampledLoop:
         self, factor: float = 1.0, latency_ns: int | None = None
     ) -> NDArray[np.complex128]:
         """
-        Return the eigenvalues a tick, ``(states,)``, the largest modulus first.
+        Return the eigenvalues per tick, ``(states,)``, the largest modulus first.
 
-        Where a tip sample lasts several ticks they are the roots of those over them.
+        If a tip sample lasts several ticks, they are the roots of those over that time.
         """
         values = np.linalg.eigvals(self.matrix(factor, latency_ns)).astype(complex)
         if self.ticks_per_sample > 1:
@@ -175,7 +174,7 @@ class SampledLoop:
         return np.asarray(values[np.argsort(-np.abs(values), kind='stable')])
 
     def modulus(self, factor: float = 1.0, latency_ns: int | None = None) -> float:
-        """Return the largest modulus a tick."""
+        """Return the largest modulus per tick."""
         return float(np.abs(self.eigenvalues(factor, latency_ns)[0]))
 
     def _line(self, node: str, latency_ns: int, width: int) -> DelayLine:
@@ -229,7 +228,7 @@ class SampledLoop:
         """
         Split the law's columns of a sensor: gains ``(m + 2, r)`` times combinations ``(r, 4)``.
 
-        r is the rank of the columns, as small as can be.
+        r, the rank of the columns, is the smallest possible.
         """
         columns = np.vstack([law.b, law.d])[:, start:][:, :CHANNELS]
         if not columns.any():
