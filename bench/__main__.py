@@ -24,11 +24,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-import re
 import sys
 import time
 
 from bench.table import machine, Part, summary
+from flexarm_ros.scenario.table import put_between
 
 PARTS = ('distributed', 'loop', 'models', 'sweeps', 'recording', 'growth')
 PAGE = Path('docs/performance.md')
@@ -66,10 +66,9 @@ def filled(page: str, blocks: dict[str, str]) -> str:
     Raises ValueError where a block has no place in it.
     """
     for name, text in blocks.items():
-        pattern = re.compile(rf'(<!-- bench:{name} -->\n).*?(<!-- /bench:{name} -->)', re.DOTALL)
-        page, count = pattern.subn(lambda m, t=text: f'{m[1]}\n{t}\n\n{m[2]}', page)
-        if count != 1:
-            raise ValueError(f'{PAGE}: {count} places for bench:{name}, 1 wanted')
+        page = put_between(
+            page, f'<!-- bench:{name} -->', f'<!-- /bench:{name} -->', f'\n{text}\n'
+        )
     return page
 
 

@@ -34,6 +34,7 @@ import time
 
 from validation.pictures import save
 from validation.report import Goal, goals_table, Section
+from validation.tables import put
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / 'docs' / 'validation.md'
@@ -45,16 +46,6 @@ SECTIONS = (
 )  # fmt: skip
 
 
-def replace_table(text: str, name: str, lines: str) -> str:
-    """Return ``text`` with what stands between the marks of table ``name`` replaced."""
-    begin, end = f'<!-- table {name} -->\n', f'<!-- end {name} -->'
-    before, found, rest = text.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise SystemExit(f'{PAGE}: no marks of table {name}')
-    return f'{before}{begin}{lines}\n{end}{after}'
-
-
 def write(name: str, section: Section) -> None:
     """Put a section's tables, pictures and goals where they belong."""
     for picture, figure in section.pictures.items():
@@ -64,8 +55,7 @@ def write(name: str, section: Section) -> None:
     ordered = {key: known[key] for key in SECTIONS if key in known}
     GOALS.write_text(json.dumps(ordered, indent=1) + '\n', 'utf-8')
     goals = [Goal(**goal) for group in ordered.values() for goal in group]
-    text = replace_table(PAGE.read_text('utf-8'), name, section.text())
-    PAGE.write_text(replace_table(text, 'goals', '\n'.join(goals_table(goals))), 'utf-8')
+    put(PAGE, {name: [section.text()], 'goals': goals_table(goals)})
 
 
 def main() -> int:

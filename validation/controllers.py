@@ -40,6 +40,7 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.sections import RunConfig
+from validation.tables import put
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / 'docs' / 'data' / 'controllers.csv'
@@ -338,16 +339,6 @@ def beyond(found: Found) -> list[str]:
     return lines
 
 
-def replace_table(text: str, name: str, lines: list[str]) -> str:
-    """Return ``text`` with what stands between the marks of table ``name`` replaced."""
-    begin, end = f'<!-- table {name} -->\n', f'<!-- end {name} -->'
-    before, opened, rest = text.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not opened or not closed:
-        raise SystemExit(f'{PAGE}: no marks of table {name}')
-    return before + begin + '\n'.join(lines) + '\n' + end + after
-
-
 def main() -> int:
     """Fly what is asked for, and write data and page."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
@@ -366,11 +357,8 @@ def main() -> int:
     for row in compute(runs, args.workers) if runs else ():
         found[row['law'], row['pace'], row['case']] = row
         write(found)
-    text = PAGE.read_text('utf-8')
-    for pace in PACES:
-        text = replace_table(text, pace, table(found, pace))
-    text = replace_table(text, 'goals', goals(found))
-    PAGE.write_text(replace_table(text, 'beyond', beyond(found)), 'utf-8')
+    tables = {pace: table(found, pace) for pace in PACES}
+    put(PAGE, {**tables, 'goals': goals(found), 'beyond': beyond(found)})
     return 0
 
 

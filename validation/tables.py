@@ -21,6 +21,8 @@ import csv
 from itertools import groupby
 from pathlib import Path
 
+from flexarm_ros.scenario.table import put_between
+
 DOCS = Path(__file__).resolve().parent.parent / 'docs'
 DATA = DOCS / 'data'
 NAMES = {'pd': 'PD', 'fls': 'FLS'}
@@ -39,12 +41,11 @@ def put(page: Path, tables: dict[str, Lines]) -> None:
     """Put tables into a page, each between ``<!-- table NAME -->`` and ``<!-- end NAME -->``."""
     text = page.read_text('utf-8')
     for name, lines in tables.items():
-        begin, end = f'<!-- table {name} -->\n', f'<!-- end {name} -->'
-        before, found, rest = text.partition(begin)
-        _, closed, after = rest.partition(end)
-        if not found or not closed:
-            raise SystemExit(f'{page}: no marks of table {name}')
-        text = before + begin + '\n'.join(lines) + '\n' + end + after
+        marks = f'<!-- table {name} -->', f'<!-- end {name} -->'
+        try:
+            text = put_between(text, *marks, '\n'.join(lines))
+        except ValueError as error:
+            raise SystemExit(f'{page}: no marks of table {name}: {error}') from None
     page.write_text(text, 'utf-8')
 
 

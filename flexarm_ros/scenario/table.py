@@ -81,11 +81,20 @@ def with_table(text: str) -> str:
 
     Raises ValueError if the marks are missing.
     """
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f'no lines {BEGIN} and {END}')
-    return f'{head}{BEGIN}\n{markdown()}{END}{tail}'
+    return put_between(text, BEGIN, END, markdown().rstrip('\n'))
+
+
+def put_between(text: str, begin: str, end: str, block: str) -> str:
+    """
+    Return ``text`` with ``block``, on lines of its own, in the place of what two marks enclose.
+
+    Raises ValueError if a mark is missing, or the first one stands there twice.
+    """
+    head, opened, rest = text.partition(begin)
+    _, closed, tail = rest.partition(end)
+    if not opened or not closed or begin in tail:
+        raise ValueError(f'no lines {begin} and {end}, once each')
+    return f'{head}{begin}\n{block}\n{end}{tail}'
 
 
 def main() -> None:
