@@ -181,3 +181,21 @@ def test_nodes_by_hand_wait_too(file: Path, tmp_path: Path, ros_domain: int, rcl
         texts = finish(nodes)
     assert nodes[0].returncode == 0, texts[0]
     assert 'to begin: ros2 service call /left/plant/pause std_srvs/srv/SetBool' in texts[0]
+
+
+@pytest.mark.nodes
+@pytest.mark.parametrize(
+    ('key', 'value'),
+    [('real_time_factor', -1.0), ('real_time_factor', float('nan')), ('step_ticks', 0)],
+)
+def test_rclpy_refuses_a_pace_out_of_range(rclpy_node, key: str, value: float) -> None:
+    """The plant takes what passes the declared range, and checks it no second time."""
+    from flexarm_ros.nodes.runtime.own_parameters import OWN
+    from flexarm_ros.nodes.runtime.parameters import declare_own
+    from rclpy.parameter import Parameter as RosParameter
+
+    node, _ = rclpy_node
+    declare_own(node, 'plant', OWN['plant'], [])
+    (answer,) = node.set_parameters([RosParameter(key, value=value)])
+    assert not answer.successful
+    assert node.get_parameter(key).value == OWN['plant'][key].default

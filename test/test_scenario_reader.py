@@ -21,8 +21,8 @@ from pathlib import Path
 
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
+from flexarm_ros.core.parameters.spec import exact_ns
 from flexarm_ros.scenario import ScenarioError
-from flexarm_ros.scenario.yaml.convert import exact_ns
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np

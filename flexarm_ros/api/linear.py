@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
@@ -133,7 +132,7 @@ def linear_law(
 
 
 def _pose(config: RunConfig, theta1: float | None, theta2: float | None) -> tuple[float, float]:
-    spec = replace(specs(PlantParameters)['initial_position'][1], kind='float')
+    spec = specs(PlantParameters)['initial_position'][1].item
     given = {'theta1': theta1, 'theta2': theta2}
     angle1, angle2 = (
         start if angle is None else within(name, angle, spec)

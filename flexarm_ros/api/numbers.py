@@ -19,8 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.parameters.sections import Spec
-from flexarm_ros.scenario.yaml.convert import allowed
+from flexarm_ros.core.parameters.spec import check, Spec
 import numpy as np
 
 
@@ -30,16 +29,11 @@ def within(name: str, value: Any, spec: Spec) -> float:
 
     Raises ``ValueError``, which names the argument, the value and what is allowed.
     """
-    kinds: tuple[type, ...] = (int, np.integer)
-    if spec.kind != 'int':
-        kinds += (float, np.floating)
-    low = -np.inf if spec.low is None else spec.low
-    high = np.inf if spec.high is None else spec.high
-    known = isinstance(value, kinds) and not isinstance(value, bool)
-    if known and low <= value <= high and not (spec.low_open and value == low):
-        return float(value)
-    what = 'a whole number' if spec.kind == 'int' else 'a number'
-    raise ValueError(f'{name}: {value!r}, allowed: {what}, {allowed(spec)}')
+    try:
+        return float(check(name, spec, value.item() if isinstance(value, np.number) else value))
+    except (ValueError, OverflowError):
+        what = 'a whole number' if spec.kind == 'int' else 'a number'
+        raise ValueError(f'{name}: {value!r}, allowed: {what}, {spec.allowed}') from None
 
 
 def finite_array(name: str, value: Any, shape: tuple[int, ...], what: str) -> FloatArray:

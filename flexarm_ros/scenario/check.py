@@ -23,8 +23,8 @@ allowed.
 from __future__ import annotations
 
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.parameters.spec import exact_ns
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.yaml.convert import exact_ns
 
 MAX_BUFFER_TICKS = 1_000_000
 """Longest latency in ticks: a sensor keeps that many past values."""

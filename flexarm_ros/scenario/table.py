@@ -25,8 +25,8 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS, Spec, specs
-from flexarm_ros.scenario.yaml.convert import short
+from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS
+from flexarm_ros.core.parameters.spec import short, Spec, specs
 
 BEGIN, END = '<!-- parameters -->', '<!-- /parameters -->'
 

@@ -21,11 +21,11 @@ do not depend on it.  Log time and stamp are those of the first tick with the ne
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import SECTIONS, specs
+from flexarm_ros.core.parameters.spec import check
 from flexarm_ros.core.timeline import NS_PER_S, T0_NS
 from flexarm_ros.wire.generic_decode import message, typestore
 from flexarm_ros.wire.topics import Qos
@@ -82,9 +82,5 @@ def checked(change: Change) -> Change:
     entry = specs(section).get(change.key) if section and change.node != '/**' else None
     if entry is None or not entry[1].live:
         raise ValueError(f'{change.node}.{change.key}: no parameter that may change in a run')
-    spec, value = entry[1], change.value
-    low = -math.inf if spec.low is None else spec.low
-    high = math.inf if spec.high is None else spec.high
-    if not low <= value <= high or (spec.low_open and value == low):
-        raise ValueError(f'{change.node}.{change.key}: {value!r} is out of range')
+    check(f'{change.node}.{change.key}', entry[1].item, change.value)
     return change

@@ -17,10 +17,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
-from typing import Any
 
-from flexarm_ros.nodes.runtime.own_parameters import FASTEST, OWN
+from flexarm_ros.nodes.runtime.own_parameters import OWN
 from flexarm_ros.nodes.runtime.parameters import declare_own
 from flexarm_ros.scenario import ScenarioError
 from rclpy.node import Node
@@ -60,7 +58,7 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
         values = declare_own(node, 'player', OWN['player'], argv, flies=False)
     except ScenarioError as error:
         raise PlayerError(str(error)) from None
-    node.describe_parameter('rate').dynamic_typing = True  # set: an integer will do, see `number`
+    node.describe_parameter('rate').dynamic_typing = True  # set: an integer will do
     for name in ('topics', 'exclude'):
         values[name] = _split(values[name], ',')
     values['set'] = _split(values['set'], ';')
@@ -78,11 +76,3 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
 
 def _split(text: str, separator: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(separator) if word.strip())
-
-
-def number(name: str, value: Any) -> float:
-    """Return a parameter that is a number from 0 to `FASTEST`; PlayerError if it is none."""
-    fits = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not fits or not math.isfinite(value) or not 0.0 <= value <= FASTEST:
-        raise PlayerError(f'{name}: {value!r} is not allowed: a number from 0 to {FASTEST:g}')
-    return float(value)

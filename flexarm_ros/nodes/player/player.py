@@ -33,13 +33,15 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.ending import handle_ending
-from flexarm_ros.nodes.player.options import declare, number, PlayerError, PlayerOptions
+from flexarm_ros.core.parameters.spec import check
+from flexarm_ros.nodes.player.options import declare, PlayerError, PlayerOptions
 from flexarm_ros.nodes.player.pace import Pace
 from flexarm_ros.nodes.player.replay_peer import ControllerSeat
 from flexarm_ros.nodes.runtime.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
 from flexarm_ros.nodes.runtime.middleware import start
+from flexarm_ros.nodes.runtime.own_parameters import OWN
 from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
 from flexarm_ros.wire.topics import CLOCK, COMMAND
 from rcl_interfaces.msg import SetParametersResult
@@ -163,8 +165,9 @@ class PlayerNode(Node):
         for parameter in parameters:
             if parameter.name == 'rate':
                 try:
-                    self._pace.set_rate(number('rate', parameter.value))
-                except PlayerError as error:
+                    spec = OWN['player']['rate'].spec
+                    self._pace.set_rate(check('rate', spec, parameter.value))
+                except ValueError as error:
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 

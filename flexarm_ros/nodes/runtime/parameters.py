@@ -133,7 +133,7 @@ def _declare(node: Node, key: str, spec: Spec, value: Any) -> None:
     kind = _TYPES[spec.kind]
     descriptor = ParameterDescriptor(
         description=spec.doc + (f' [{spec.unit}]' if spec.unit else ''),
-        additional_constraints=_constraints(spec),
+        additional_constraints=spec.allowed,
         read_only=not spec.live,
         dynamic_typing=value is None,
     )
@@ -148,12 +148,3 @@ def _declare(node: Node, key: str, spec: Spec, value: Any) -> None:
     node.declare_parameter(key, value, descriptor, ignore_override=True)
     if value is None:
         node.describe_parameter(key).type = kind.value  # for `ros2 param describe`
-
-
-def _constraints(spec: Spec) -> str:
-    if spec.choices:
-        return 'one of: ' + ', '.join(spec.choices)
-    if spec.kind in ('float2', 'floats') and spec.low is not None:
-        above = 'above' if spec.low_open else 'from'
-        return f'each value {above} {spec.low:g} to {spec.high:g}'
-    return f'above {spec.low:g}' if spec.low_open else ''
