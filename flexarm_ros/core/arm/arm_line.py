@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The bent arm as a line of points, for pictures of it."""
+"""The bent arm as a polyline, for drawing."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ import numpy as np
 
 class ArmLine:
     """
-    Points of both links at equal distances, the shoulder first, the tip last.
+    Evenly spaced points on both links, from the shoulder to the tip.
 
-    ``per_link`` points a link beside its start; the elbow is number ``per_link``.
+    ``per_link`` points per link besides its start; the elbow has index ``per_link``.
     """
 
     def __init__(self, plant: PlantParameters, per_link: int = 12) -> None:
         first, second = plant.length
         steps = np.arange(1, per_link + 1) / per_link
-        # The last of each link is exactly its end, where `trajectory.csv` has elbow and tip.
+        # The last point of each link is exactly the elbow or tip of `trajectory.csv`.
         along = [*(first * steps[:-1]), first, *(first + second * steps[:-1]), first + second]
         self.elbow = per_link
         self._points = [make_point(plant, float(at), elastic=True) for at in along]

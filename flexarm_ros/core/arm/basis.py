@@ -16,15 +16,15 @@
 Shape functions of a flexible link.
 
 Everything here is dimensionless: a link is 0 <= xi <= 1, its deflection is
-w = sum_i phi_i(xi) a_i.  All shapes satisfy phi(0) = phi'(0) = 0, the tangent
-at the link's own start being the axis that the joint angle turns.
+w = sum_i phi_i(xi) a_i.  All shapes satisfy phi(0) = phi'(0) = 0, since the joint angle
+turns the tangent at the start of the link.
 
 Three families of functions, from which ``plant.basis`` is built:
 
 ``clamped_free``
     The modes of a cantilever, (6) to (9) of the paper.  Each has
-    phi''(1) = phi'''(1) = 0, so that no sum of them carries the moment or the
-    force of a further link: convergence is of order 1/N there.
+    phi''(1) = phi'''(1) = 0, so that no sum of them represents the moment or the
+    force of a further link: convergence is only of order 1/N.
 ``craig_bampton``
     The static deflections under an end force and an end moment (the cubics),
     then the modes of the link with both ends clamped: Craig and Bampton (AIAA
@@ -32,18 +32,18 @@ Three families of functions, from which ``plant.basis`` is built:
     function a link it is the end force's deflection alone.
 ``polynomial``
     Curvatures are the Legendre polynomials, orthonormal: a complete set that
-    converges exponentially, of which :mod:`flexarm_ros.core.arm.basis_arm` makes
+    converges exponentially, from which :mod:`flexarm_ros.core.arm.basis_arm` derives
     the few functions of ``arm_modes``.
 
-The functions chosen are then combined so that they are orthogonal in mass and
-in stiffness over the bare link, which makes the matrices well conditioned and
+The chosen functions are then combined so that they are orthogonal in mass and
+stiffness over the bare link, which makes the matrices well conditioned and
 gives modal damping a meaning: coordinate i is the link's i-th (approximate)
 cantilever mode.  Scale: the integral of phi_i^2 over xi is 1/4 and
-phi_i(1) > 0, with which an exact cantilever mode has phi_i(1) = 1, its
-coordinate then being its share of the end deflection in metres.
+phi_i(1) > 0, so that an exact cantilever mode has phi_i(1) = 1 and its
+coordinate is its share of the end deflection in metres.
 
 The arithmetic is that of :mod:`flexarm_ros.core.numerics.elementary` and
-:mod:`flexarm_ros.core.numerics.small_linalg`: two processes must arrive at the same last bit.
+:mod:`flexarm_ros.core.numerics.small_linalg`, so that all processes get the same bits.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _craig_bampton(index: int, xi: FloatArray, order: int) -> FloatArray:
 
 def _polynomial(index: int, xi: FloatArray, order: int) -> FloatArray:
     """
-    Return what has the curvature sqrt(2 i + 1) P_i(t), t = 2 xi - 1.
+    Return the function with the curvature sqrt(2 i + 1) P_i(t), t = 2 xi - 1.
 
     Its integrals from t = -1 on follow from (2 i + 1) P_i = P_i+1' - P_i-1'
     (Abramowitz and Stegun, 8.5.3 and 22.7.10).
@@ -100,7 +100,7 @@ def _polynomial(index: int, xi: FloatArray, order: int) -> FloatArray:
     for n in range(1, index + 2):
         values.append(((2.0 * n + 1.0) * t * values[n] - n * values[n - 1]) / (n + 1.0))
     for integral in range(2 - order):
-        # The first one of P_0 is t + 1, the second one (t + 1)^2 / 2; d xi = d t / 2.
+        # The first integral of P_0 is t + 1, the second (t + 1)^2 / 2; d xi = d t / 2.
         first = (t + 1.0) * (0.125 * (t + 1.0) if integral else 0.5)
         rest = [
             0.5 * (values[i + 1] - values[i - 1]) / (2.0 * i + 1.0)
@@ -125,7 +125,7 @@ def family(name: str, count: int, xi: FloatArray, order: int) -> FloatArray:
 @dataclass(frozen=True)
 class Basis:
     """
-    N orthogonal shape functions on 0 <= xi <= 1, made of those of ``family``.
+    N orthogonal shape functions on 0 <= xi <= 1, combined from those of ``family``.
 
     ``mixing`` has shape ``(N, R)``: shape i = sum_j mixing[i, j] function_j.
     ``stiffness`` has shape ``(N,)``: the integrals of phi_i''^2; the
@@ -179,7 +179,7 @@ def orthogonal_basis(name: str, combinations: FloatArray) -> Basis:
     curvatures = family(name, combinations.shape[1], nodes, 2)
     mixing = combinations
     values: FloatArray = np.zeros(len(combinations))
-    for _ in range(2):  # the second pass removes what the first one's rounding left
+    for _ in range(2):  # the second pass removes the rounding errors of the first
         inverse = inverse_factor(weighted_gram(weights, product(mixing, shapes)))
         stiffness = weighted_gram(weights, product(mixing, curvatures))
         reduced = product(product(inverse, stiffness), np.ascontiguousarray(inverse.T))

@@ -13,26 +13,23 @@
 # limitations under the License.
 
 """
-``arm_modes``: the N shape functions a link that serve this arm's own modes best.
+``arm_modes``: the N shape functions per link that best represent the modes of this arm.
 
 The first modes of the arm (N, at least four) are computed with a fine polynomial basis, at
-elbow angles from straight to folded and with the joints locked, free and one
-of each: what a link is asked to bend into, whatever the motion.  Of these
-shapes, scaled to unit strain energy, N functions a link are kept by principal
-components in the energy norm.  For a mode of which the kept functions miss a
-fraction r of the strain energy, the frequency is about r / 2 too high
-(Rayleigh-Ritz): this is a fit of the frequencies themselves.
+elbow angles from straight to folded and with the joints locked, free and one of each.  From
+their shapes, scaled to unit strain energy, N functions per link are selected by principal
+components in the energy norm.  If the functions miss a fraction r of a mode's strain energy, its
+frequency is about r / 2 too high (Rayleigh-Ritz): this is a fit of the frequencies.
 
-With four functions or more the modes' weights, 1 / sqrt(omega) at first, are
-multiplied by r and the fit repeated, after Lawson's algorithm for fits in high
-norms: the largest errors come down at the cost of the smallest.  One mode more
-is there at a tenth of the weight, without which the last function serves
-nothing else.  Modes of one frequency (a folded arm of equal links has pairs of
-them) are whatever rounding makes of them, but their sum of squares is not: they
-get one weight, from their mean r, and all of them or none are there.
+With four functions or more the modes' weights, 1 / sqrt(omega) at first, are multiplied by r and
+the fit is repeated, after Lawson's algorithm for fits in high norms: this reduces the largest
+errors at the cost of the smallest.  One further mode has a tenth of the weight; without it the
+last function would fit nothing else.  The shapes of modes of equal frequency (a folded arm of
+equal links has pairs of them) are arbitrary, but their sum of squares is not: they share one
+weight, from their mean r, and are included all or none.
 
-With fewer than four functions, which cannot serve all, each mode is weighted by
-its flexibility 1 / omega^2, in favour of the lowest.
+With fewer than four functions, which cannot fit all modes, each mode is weighted by its
+flexibility 1 / omega^2, in favour of the lowest.
 """
 
 from __future__ import annotations
@@ -50,23 +47,23 @@ from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
 FINE = 12
-"""Polynomials a link in which the arm's modes are computed: the first four to 1e-6."""
+"""Polynomials per link with which the arm's modes are computed: the first four to 1e-6."""
 
 SERVED = 4
-"""Least number of modes, for each pose and joint condition, that the functions are fitted to."""
+"""Least number of modes, per pose and joint condition, that the functions are fitted to."""
 
 NEXT_WEIGHT = 0.1
 """Weight of the first mode beyond these."""
 
 TWINS = 1e-3
-"""Modes whose omega^2 differ by less than this fraction are weighted as one."""
+"""Modes whose omega^2 differ by less than this fraction share a weight."""
 
 _POSES = 5
 _ROUNDS = 20
 
 
 class Arm(NamedTuple):
-    """What the arm's modes depend on, hashable; as in ``PlantParameters``."""
+    """The quantities that the arm's modes depend on, hashable; as in ``PlantParameters``."""
 
     modes: int
     length: tuple[float, float]
@@ -98,7 +95,7 @@ def _bases(arm: Arm) -> tuple[Basis, Basis]:
         misfit = _misfit(shapes[0], kept[0]) + _misfit(shapes[1], kept[1])
         misfit = _means(misfit, groups)
         relative = np.maximum(misfit * (len(misfit) / _total(misfit)), 1e-3)
-        # The geometric mean of the old and the new weight: the plain rule swings.
+        # The geometric mean of the old and the new weight: the plain rule oscillates.
         weights = np.sqrt(weights * start * relative)
         weights = weights * (len(weights) / _total(weights))
         kept = [_principal(part, weights, arm.modes) for part in shapes]
@@ -137,12 +134,12 @@ def _mode_shapes(
     arm: Arm,
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray, FloatArray, FloatArray]:
     """
-    Return each link's part ``(modes, FINE)`` of the arm's modes, and three numbers a mode.
+    Return each link's part ``(modes, FINE)`` of the arm's modes, and three numbers per mode.
 
-    These are omega^2; its place among those of its pose and joint condition,
-    from 0, twins having that of the first; and a number that twins share.
-    Coordinates are scaled so that the strain energy is half the sum of their
-    squares; free joints, which have no stiffness, are eliminated exactly.
+    These are omega^2; the index among those of its pose and joint condition, from 0, where
+    twins have that of the first; and a number that twins share.  Coordinates are scaled so that
+    the strain energy is half the sum of their squares; free joints, which have no stiffness,
+    are eliminated exactly.
     """
     pairs = zip(arm.flexural_rigidity, arm.length, strict=True)
     scale = np.array(
@@ -172,9 +169,9 @@ def _mode_shapes(
 
 def _first_twins(squares: FloatArray, served: int, together: bool) -> list[int]:
     """
-    Return for each mode the place of its first twin.
+    Return for each mode the index of its first twin.
 
-    Of ``served`` modes, and the last one's twins; ``together`` false: every mode by itself.
+    For ``served`` modes, and the last one's twins; with ``together`` false, each its own.
     """
     first = [0]
     for place in range(1, len(squares) if together else served):
@@ -203,8 +200,8 @@ def straight_mass(arm: Arm, theta2: float) -> FloatArray:
     """
     Return M at zero deformation in the fine basis, shape ``(2 + 2 FINE,) * 2``.
 
-    Each velocity below is a row over the rates of (theta1, theta2, a, b): the
-    turning of link 2, its start's velocity along and across link 2.
+    Each velocity below is a row over the rates of (theta1, theta2, a, b): the rotation of
+    link 2, the velocity of its start along and across it.
     """
     integral = linear_integrals(_fine_basis())
     size = 2 + 2 * FINE

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The integrals of a link's shape functions that the full model needs."""
+"""Integrals of a link's shape functions for the full model."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _running_shortening(basis: Basis) -> FloatArray:
     """
     Return g at every node of the composite rule, shape ``(nodes, N, N)``.
 
-    Up to each node: whole panels, then the rule once more from the panel's
+    Up to each node: the complete panels, then the rule again from the panel's
     start to the node.
     """
     nodes, weights = gauss5()

@@ -15,14 +15,14 @@
 """
 Clamped-free Euler-Bernoulli beam modes: equations (6) to (9) of the paper.
 
-The roots are those of the characteristic equation itself,
+The roots are those of the characteristic equation,
 cos(z) cosh(z) + 1 = 0 (1.8751, 4.6941, ...), not the paper's approximation
-(i - 0.5) pi, with which its own omega_c1 = 12.28 would be 8.62.
+(i - 0.5) pi, which would give 8.62 instead of its omega_c1 = 12.28.
 
 Normalisation: shapes are as printed in (8) with A = 0.1.  So, for mode i from
-0, the end deflects by phi_i(L) = 2 A (-1)^i = +-0.2 a unit of its coordinate,
+0, the end deflects by phi_i(L) = 2 A (-1)^i = +-0.2 per unit of its coordinate,
 and the integral of phi_i^2 over the link is A^2 L.  A is arbitrary: it scales
-the modal coordinates, and nothing that can be measured.
+the modal coordinates but nothing observable.
 """
 
 from __future__ import annotations
@@ -134,15 +134,15 @@ class ClampedFreeModes:
         return np.array([1.0 - clamped_free_mode(i)[1] for i in range(self.count)])
 
     def shape(self, x: float) -> FloatArray:
-        """phi_i(x) of (8), m a unit of the modal coordinate; x in m from the clamp."""
+        """phi_i(x) of (8), m per unit of the modal coordinate; x in m from the clamp."""
         return self._derivative(x, 0)
 
     def slope(self, x: float) -> FloatArray:
-        """phi_i'(x), rad a unit of the modal coordinate."""
+        """phi_i'(x), rad per unit of the modal coordinate."""
         return self._derivative(x, 1)
 
     def curvature(self, x: float) -> FloatArray:
-        """phi_i''(x), 1/m a unit of the modal coordinate."""
+        """phi_i''(x), 1/m per unit of the modal coordinate."""
         return self._derivative(x, 2)
 
     def _derivative(self, x: float, order: int) -> FloatArray:
@@ -160,7 +160,7 @@ class ClampedFreeModes:
 
     @property
     def modal_stiffness(self) -> FloatArray:
-        """Integral of EI phi_i''^2, N m: (13), with q where the paper prints its rate."""
+        """Integral of EI phi_i''^2, N m: (13), with q instead of the printed rate."""
         return self.modal_mass * (self.frequencies * self.frequencies)
 
     @property

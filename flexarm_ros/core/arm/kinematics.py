@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Where points of the arm are, how fast they move, and the way back.
+Positions and velocities of points of the arm, and inverse kinematics.
 
 Everything is in frame ``base``: origin at the shoulder, x and y in m, angles
 counter-clockwise positive in rad.
@@ -36,7 +36,7 @@ _UNIT = 2.0**-53
 _SQRT_8_UNIT = math.sqrt(8.0 * _UNIT)
 
 REACH_TOLERANCE = 1e-9
-"""Fraction of the reach by which rounding may put a point outside of it."""
+"""Fraction of the reach by which rounding may move a point out of it."""
 
 
 @compiled
@@ -110,7 +110,7 @@ class PointKinematics:
 
 
 class RigidPointKinematics(PointKinematics):
-    """The same point of the arm as if its links were rigid: joint angles only."""
+    """The same point on an arm with rigid links: joint angles only."""
 
     def __init__(self, lengths: Lengths, location: float) -> None:
         self._along1 = min(location, lengths[0])
@@ -132,11 +132,12 @@ class RigidPointKinematics(PointKinematics):
 
 def round_off(lengths: Lengths, radius: Any) -> Any:
     """
-    Return what rounding alone may put between a point and the tip at its joint angles, m.
+    Return the largest rounding error between a point and the tip at its joint angles, m.
 
     ``radius``, m, of any shape: the point's distance from the shoulder.  With the unit round-off
-    u and the reach R the angles and the way back cost some 16 u R, and the cosine of theta2, by
-    cancellation, an error of r^2 of 8 u R^2: of r by 4 u R^2 / r, or sqrt(8 u) R at the shoulder.
+    u and the reach R, the angles and the forward kinematics cost some 16 u R, and the cosine of
+    theta2, by cancellation, an error of r^2 of 8 u R^2: of r by 4 u R^2 / r, or sqrt(8 u) R at
+    the shoulder.
     """
     whole = lengths[0] + lengths[1]
     folded = np.minimum(4.0 * _UNIT * whole / np.maximum(radius, _UNIT * whole), _SQRT_8_UNIT)
@@ -148,8 +149,8 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
     Return the kinematics of the point ``location`` m from the shoulder along the arm.
 
     ``elastic`` false: rigid kinematics of theta1 and theta2 (the paper's
-    Figure 4).  True: where the material point of the bent arm is, in the shape
-    functions of ``plant.model`` (with the foreshortening in ``full``).
+    Figure 4).  True: the material point of the bent arm, with the shape
+    functions of ``plant.model`` (and the foreshortening of ``full``).
     """
     if not elastic:
         return RigidPointKinematics(plant.length, location)
@@ -193,15 +194,15 @@ def jacobian(
 
 
 def reach(lengths: Lengths) -> tuple[float, float]:
-    """Return the smallest and the largest distance from the shoulder that is reached, m."""
+    """Return the smallest and the largest distance from the shoulder within reach, m."""
     return abs(lengths[0] - lengths[1]), lengths[0] + lengths[1]
 
 
 def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, float]:
     """
-    Return theta1, theta2 (rad, theta2 from 0 to pi) that put the rigid tip at x, y.
+    Return theta1, theta2 (rad, theta2 from 0 to pi) with the rigid tip at x, y.
 
-    Raises ``ValueError`` where the point is out of reach.
+    Raises ``ValueError`` if the point is out of reach.
     """
     length1, length2 = lengths
     radius = math.sqrt(x * x + y * y)
@@ -220,7 +221,7 @@ def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, flo
 def _angles_to(
     length1: float, length2: float, radius: float, x: float, y: float
 ) -> tuple[float, float]:
-    """Return the joint angles for a point ``radius`` m away, held to what can be reached."""
+    """Return the joint angles for a point at distance ``radius``, m, limited to the reach."""
     cosine = (radius * radius - length1 * length1 - length2 * length2) / (2.0 * length1 * length2)
     theta2 = acos(min(1.0, max(-1.0, cosine)))
     s, c = sincos(theta2)

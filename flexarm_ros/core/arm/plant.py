@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every plant is: its interface, its integrator steps, and when it is unstable."""
+"""Interface of the plants, their integration steps, and the criterion of instability."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ ACCURATE_PHASE = 0.2
 
 One step of RK4 multiplies the amplitude of an undamped mode by
 1 - phase^6 / 144 and shifts it by phase^5 / 120: at 0.2 rad the fastest mode
-loses 2.2e-6 of its amplitude and 1.3e-5 of its phase a radian, slower ones less.
+loses 2.2e-6 of its amplitude and 1.3e-5 of its phase per radian, slower ones less.
 """
 
 STABLE_PHASE = 2.0
-"""Largest phase of the highest mode in one step that is allowed.
+"""Largest allowed phase of the highest mode in one integrator step.
 
 RK4 is stable up to 2 sqrt(2) = 2.83 on the imaginary and 2.79 on the real axis;
-the rest is margin for what the linear estimate leaves out.
+the rest is a margin for nonlinear effects, which the linear estimate ignores.
 """
 
 
@@ -69,20 +69,20 @@ def deflection_limits(plant: PlantParameters) -> tuple[float, float]:
     """
     Return the end deflection of each link, m, beyond which a run is unstable.
 
-    ``plant.deflection_limit``, or 10/9 of each length: 5 m for the paper's links of 4.5 m.
+    It is ``plant.deflection_limit``, or by default 10/9 of each length (5 m for 4.5 m).
     """
     if plant.deflection_limit is not None:
         return plant.deflection_limit
     length1, length2 = plant.length
-    return 10.0 * length1 / 9.0, 10.0 * length2 / 9.0  # 5 exactly for 4.5, as 10 / 9 * 4.5 is not
+    return 10.0 * length1 / 9.0, 10.0 * length2 / 9.0  # 5 exactly for 4.5, unlike 10 / 9 * 4.5
 
 
 def choose_substeps(plant: PlantParameters, period: float, highest: float) -> int:
     """
-    Return the RK4 steps a tick of ``period`` s for a highest rate of ``highest`` 1/s.
+    Return the number of RK4 steps per tick of ``period`` s for a highest rate, 1/s.
 
-    Left out, enough for :data:`ACCURATE_PHASE`; given, checked against
-    :data:`STABLE_PHASE`: too few raise ``ValueError`` instead of blowing up later.
+    By default enough for :data:`ACCURATE_PHASE`; a given number is checked against
+    :data:`STABLE_PHASE`, and ``ValueError`` raised if it is too small.
     """
     if plant.substeps is None:
         return max(1, math.ceil(highest * period / ACCURATE_PHASE))
@@ -97,9 +97,9 @@ def choose_substeps(plant: PlantParameters, period: float, highest: float) -> in
 
 def instability(plant: Plant) -> str | None:
     """
-    Return what is unstable about the plant's state, or ``None``.
+    Return the reason why the plant's state is unstable, or ``None``.
 
-    That is a state that is not finite, or a deflection beyond ``plant.limits``.
+    It is unstable if not finite, or if a deflection is beyond ``plant.limits``.
     """
     ends, limits = plant.deflections(), plant.limits
     inside = abs(ends[0]) <= limits[0] and abs(ends[1]) <= limits[1]

@@ -24,11 +24,10 @@ n1, n2 the normals of the links, a material point moves with::
              + (xi (theta1' + phi1'(L1) . q1' + theta2') + phi2(xi) . q2') n2
 
 and n1 . n2 = cos theta2, so that the mass matrix is M0 + cos(theta2) M1 with
-every coupling in it.  The right-hand side holds the torques, on the rows of
-theta1 and theta2 only, the Coriolis and centrifugal terms of the rigid arm on
-the same rows, and the modal stiffness (and damping) on the others.  Neither
-energy nor angular momentum is conserved: the elastic velocity terms that would
-balance the ledger are those that (14) leaves out.
+all couplings.  The right-hand side holds the torques and the Coriolis and centrifugal
+terms of the rigid arm, on the rows of theta1 and theta2 only, and the modal stiffness (and
+damping) on the others.  Neither energy nor angular momentum is conserved, since (14)
+leaves out the elastic velocity terms.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ import numpy as np
 
 class Eq14Matrices:
     """
-    The constant matrices of (14) for one arm with N modes a link, n = 2 + 2 N.
+    The constant matrices of (14) for one arm with N modes per link, n = 2 + 2 N.
 
     ``mass``: ``(2, n, n)``, M = mass[0] + cos(theta2) mass[1], kg m^2, kg m, kg;
     ``stiffness`` and ``damping``: ``(n,)``, diagonals, zero for the joints;
@@ -112,8 +111,8 @@ class Eq14Matrices:
         Return the largest |s|, 1/s, of M s^2 + D s + K over all elbow angles.
 
         For every x the Rayleigh quotient x'Kx / x'M x is convex in cos(theta2),
-        since M is linear in it, and so is its largest value: the straight and
-        the folded arm bound all others.
+        since M is linear in it, and so is its maximum: the straight and the folded arm
+        are the extremes.
         """
         return max(
             largest_rate(self.mass[0] + cosine * self.mass[1], self.damping, self.stiffness)
@@ -122,7 +121,7 @@ class Eq14Matrices:
 
 
 def _link_mass(link: ClampedFreeModes, turn: FloatArray, part: slice) -> FloatArray:
-    """Mass matrix of a link about its own start, which turns with ``turn`` . qd."""
+    """Mass matrix of a link about its own start, which rotates at ``turn`` . qd."""
     inertia = link.mass_density * (link.length * link.length * link.length) / 3.0
     modal = np.zeros(len(turn))
     modal[part] = link.first_moment

@@ -38,15 +38,15 @@ import numpy as np
 ACCURATE_PHASE = 0.33
 """Default phase of the fastest coordinate in one integrator step, rad.
 
-RK4 takes phase^6 / 144 of an undamped mode's amplitude away in a step: 9e-6 at
-0.33 rad.  The fastest coordinate of this model is the discretisation's own
+RK4 reduces an undamped mode's amplitude by phase^6 / 144 per step: 9e-6 at
+0.33 rad.  The fastest coordinate of this model belongs to the discretisation
 (several times the highest mode that the basis resolves) and hardly moves;
-modes of a third of its frequency lose 1e-8 a step.  The energy of a free
+modes of a third of its frequency lose 1e-8 per step.  The energy of a free
 motion then stays within 1e-6 over 5 s even after torque pulses.
 """
 
 _ANGLES = 25
-"""Elbow angles from 0 to pi at which the highest rate is looked for."""
+"""Elbow angles from 0 to pi at which the highest rate is evaluated."""
 
 
 class FullPlant:
@@ -56,8 +56,8 @@ class FullPlant:
     ``q`` and ``qd``, shape ``(2 + 2 modes,)``, in the order of ``names``:
     theta1, theta2 (rad), then the coordinates of link 1 and link 2 (m); views
     that :meth:`step` and :meth:`set_state` change in place.  Starts straight
-    and at rest at theta1 = theta2 = 0.  Raises ``ValueError`` when
-    ``plant.substeps`` is given but too few.
+    and at rest at theta1 = theta2 = 0.  Raises ``ValueError`` if ``plant.substeps`` is too
+    small.
     """
 
     def __init__(self, config: RunConfig) -> None:

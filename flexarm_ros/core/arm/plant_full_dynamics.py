@@ -18,10 +18,10 @@ Compiled equations of motion of the full model.
 Kane's method, link by link.  A link's velocities are u = (v, w, da/dt): v the
 velocity of its start in its own axes, w the angular velocity of its frame.
 Its inertia in these is ``(m, J S, I; ., D, h; ., ., F)`` and its remaining
-acceleration terms are ``(f_v, f_w, f_a)``; link 2's are brought to the joint
-rates through the motion of link 1's end.  Because every term comes from one
-map r(s; a), the equations are Lagrange's of the kinetic energy 1/2 q'^T M q'
-exactly, and energy and the momentum conjugate to theta1 are conserved.
+acceleration terms are ``(f_v, f_w, f_a)``; those of link 2 are transformed to the joint
+rates through the motion of link 1's end.  Because every term follows from one
+map r(s; a), the equations are exactly Lagrange's of the kinetic energy 1/2 q'^T M q',
+and energy and the momentum conjugate to theta1 are conserved.
 
 Order of q: theta1, theta2, a (link 1, N coordinates), b (link 2, N).
 """
@@ -54,7 +54,7 @@ def make_work(modes: int) -> Work:
     """
     Return the scratch arrays of ``mass_and_bias`` and ``step``.
 
-    (2, 6): single numbers a link; (2, N, N): F; (8, N): vectors;
+    (2, 6): scalars per link; (2, N, N): F; (8, N): vectors;
     (8, 2 + 2N): the integrator's stages.
     """
     return (
@@ -82,7 +82,7 @@ def mass_and_bias(
     """
     single, flexible, vec, _ = work
     n = con.vectors.shape[2]
-    second = 2 + n  # where link 2's coordinates begin
+    second = 2 + n  # start of link 2's coordinates
     a, b = q[2:second], q[second:]
     da, db = qd[2:second], qd[second:]
     vectors, matrices = con.vectors, con.matrices
@@ -111,7 +111,7 @@ def mass_and_bias(
             a if link == 0 else b, da if link == 0 else db, w1 if link == 0 else w2,
             single[link], flexible[link], vec[2 + link], vec[4 + link], vec[6 + link], vec[8],
         )  # fmt: skip
-    # Into link 2's axes: link 1's end velocity a unit of each rate, and what is left.
+    # Into link 2's axes: link 1's end velocity per unit of each rate, and the remainder.
     s, c = sincos(q[1] + turn)
     for i in range(n):
         x, y = reach_x[i], vectors[0, END, i]
@@ -168,7 +168,7 @@ def mass_and_bias(
 
 @compiled
 def solve_spd(matrix: FloatArray, rhs: FloatArray) -> None:
-    """Solve in place by Cholesky: ``matrix`` (lower triangle) is lost, ``rhs`` the answer."""
+    """Solve by Cholesky: ``matrix`` (lower triangle) is overwritten, ``rhs`` the solution."""
     n = rhs.shape[0]
     for i in range(n):
         for j in range(i):

@@ -21,9 +21,9 @@ map of :mod:`flexarm_ros.core.arm.plant_full_model`, x_a = -G a and y_a = phi:
     S = int rho r,  D = int rho r_a,  I = int rho |r|^2,
     h = int rho (x y_a - y x_a),  F = int rho (x_a x_a^T + y_a y_a^T)
 
-and the accelerations that remain when v', w' and a'' are zero,
+and the accelerations that remain for v' = w' = 0 and a'' = 0,
 2 w J r_a a' - w^2 r + (-a'^T G a', 0), weighted with 1, J r and r_a, are f_v, f_w
-and f_a.  Terms to fourth order in (a, a') follow and all of them are kept.
+and f_a.  The resulting terms go up to fourth order in (a, a'); all are kept.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from flexarm_ros.core.arm.plant_full_model import (
 )
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 
-# The parts of a link's result that are single numbers: rows of ``out``.
+# Scalar parts of a link's result: rows of ``out``.
 SX, SY, SPIN_INERTIA, FX, FY, FW = range(6)
 
 
@@ -86,7 +86,7 @@ def _quadratic_terms(
     h: FloatArray,
     bias: FloatArray,
 ) -> None:
-    """Set or add what the single integrals of phi and of G give."""
+    """Set or add the terms of the single integrals of phi and of G."""
     along, along_rate, rate2, across, across_rate = 0.0, 0.0, 0.0, 0.0, 0.0
     spin, spin_rate = 0.0, 0.0
     for i in range(a.shape[0]):
@@ -123,7 +123,7 @@ def _cross_terms(
     h: FloatArray,
     bias: FloatArray,
 ) -> None:
-    """Add what int rho phi_i G_jk gives: the foreshortening seen across the link."""
+    """Add the terms of int rho phi_i G_jk: the foreshortening seen across the link."""
     n = a.shape[0]
     total = 0.0
     for i in range(n):
@@ -152,7 +152,7 @@ def _quartic_terms(
     bias: FloatArray,
     scratch: FloatArray,
 ) -> None:
-    """Set F and add what int rho G_ik G_jl gives: the inertia of the axial motion."""
+    """Set F and add the terms of int rho G_ik G_jl: the inertia of the axial motion."""
     n = a.shape[0]
     fourth, fourth_rate = 0.0, 0.0
     for i in range(n):

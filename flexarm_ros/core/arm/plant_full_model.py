@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The numbers of the full model: a link's integrals with its masses, packed for the compiled code.
+Constants of the full model: a link's integrals and masses, packed for the compiled code.
 
 A link of length L, mass m = rho L and rigidity EI, with a point mass and a
 rotary inertia at its end, seen from the frame at its own start (x along the
@@ -21,9 +21,8 @@ tangent there): the material point s is at
 
     r(s) = (s - 1/2 a^T G(s) a,  phi(s)^T a),   G(s) = int_0^s phi' phi'^T
 
-so that the link keeps its length to second order in the slopes.  All kinetic
-terms follow from this map without further approximation; see
-``docs/validation.md`` for the derivation.
+so that the link keeps its length to second order in the slopes.  All kinetic terms follow from
+this map without further approximation; ``docs/validation.md`` has the derivation.
 """
 
 from __future__ import annotations
@@ -56,8 +55,8 @@ class Constants(NamedTuple):
     inertia's slope (kg m); phi(L); phi'(L) (1/m); stiffness (N/m) and damping
     (N s/m) of each coordinate.
 
-    ``matrices`` (2, 4, N, N): int rho (phi phi^T - s G), how the moment of
-    inertia changes with a (kg); int rho phi phi^T plus the end inertia's
+    ``matrices`` (2, 4, N, N): int rho (phi phi^T - s G), the change of the moment of
+    inertia with a (kg); int rho phi phi^T plus the end inertia's
     (kg); int rho G (kg/m); G(L) (1/m).
 
     ``cross`` (2, N, N, N): int rho phi_i G_jk (kg/m).  ``quartic``
@@ -75,7 +74,7 @@ class Constants(NamedTuple):
 
 
 def link_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
-    """Return the shape functions of link 1 and link 2 that ``plant.basis`` names."""
+    """Return the shape functions of link 1 and link 2 for ``plant.basis``."""
     if plant.basis == 'arm_modes':
         return arm_bases(plant)
     basis = orthogonal_basis(plant.basis, identity(plant.modes))
@@ -84,12 +83,12 @@ def link_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
 
 @lru_cache(maxsize=16)
 def make_constants(plant: PlantParameters) -> Constants:
-    """Return the packed integrals of an arm; shared between callers, not to be changed."""
+    """Return the packed integrals of an arm; shared between callers, read only."""
     return make_constants_on(plant, link_bases(plant))
 
 
 def make_constants_on(plant: PlantParameters, bases: tuple[Basis, Basis]) -> Constants:
-    """Return the packed integrals of an arm with the shape functions of each link given."""
+    """Return the packed integrals of an arm with the given shape functions of each link."""
     ends = (
         (plant.link_end_mass, plant.link_end_inertia),
         (plant.payload_mass, plant.payload_inertia),

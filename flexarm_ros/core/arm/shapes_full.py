@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the material points of a link are in the full model, for the kinematics."""
+"""Positions of the material points of a link in the full model, for the kinematics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def link_shapes(
     plant: PlantParameters, link: int, distance: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
-    Return what moves the point ``distance`` m from the start of ``link`` (0 or 1).
+    Return the shape functions at ``distance`` m from the start of ``link`` (0 or 1).
 
     Three arrays: the shape functions (N,), their slopes (N,) in 1/m, and the
     matrix G (N, N) in 1/m of the axial foreshortening a^T G a / 2.

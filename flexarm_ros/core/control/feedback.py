@@ -13,23 +13,22 @@
 # limitations under the License.
 
 """
-From measurements to the end effector that the laws compare with the reference.
+From measurements to the end effector position that the laws compare with the reference.
 
 ``encoder``: rigid kinematics of the measured joint angles, at the tip.
 
-``tip_sensor``: the sensed point, carried out to the tip by the rest of link 2,
-straight and at the joint angles of this tick:
+``tip_sensor``: the sensed point, extended to the tip by the rest of link 2, straight and at the
+joint angles of this tick:
 
     p_tip = p_sensed + (L1 + L2 - location) u(theta1 + theta2).
 
-So the loop tracks the tip's reference wherever the sensor sits, with the
-paper's gains and Jacobian, and at ``location`` = tip the reading is used as it
-is.  That is the natural reading of the paper, in which 6.75 m changes the
-delay and nothing else ("minimal difference"): without latency, the rigid
-measurand gives the tip itself at every location.  The alternatives do worse:
-comparing at the sensed point changes the gains' lever arms, and solving the
-rigid arm through the sensed point for its joint angles is singular when the
-arm is straight and at the elbow, and fails for a bent arm out of reach.
+So the loop tracks the tip's reference for any sensor location, with the paper's gains and
+Jacobian, and with ``location`` at the tip the reading is used directly.  This agrees with the
+paper, where 6.75 m changes only the delay ("minimal difference"): without latency, the rigid
+measurand gives the tip itself at every location.  The alternatives are worse: a comparison at the
+sensed point changes the gains' lever arms, and solving the rigid arm through the sensed point for
+its joint angles is singular for a straight arm and at the elbow, and fails for a bent arm out of
+reach.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ Point = tuple[float, float, float, float]
 def tip_from_encoder(
     length1: float, length2: float, a: float, b: float, da: float, db: float
 ) -> Point:
-    """Tip position and velocity by the rigid kinematics of the measured angles."""
+    """Tip position and velocity from the rigid kinematics of the measured angles."""
     return rigid_point(length1, length2, a, b, da, db)
 
 
@@ -56,7 +55,7 @@ def tip_from_point(
     rest: float, th1: float, th2: float, dth1: float, dth2: float,
     x: float, y: float, vx: float, vy: float,
 ) -> Point:  # fmt: skip
-    """Carry the sensed point ``rest`` m further along link 2."""
+    """Extend the sensed point by ``rest`` m along link 2."""
     if rest == 0.0:
         return x, y, vx, vy
     angle, rate = th1 + th2, dth1 + dth2
@@ -69,7 +68,7 @@ def tip_from_point(
 def jacobian_torque(
     length1: float, length2: float, th1: float, th2: float, fx: float, fy: float, limit: float
 ) -> tuple[float, float]:
-    """Return J^T(theta) (fx, fy), each joint held to ``limit`` N m where that is above 0."""
+    """Return J^T(theta) (fx, fy), each limited to ``limit`` N m if that is above 0."""
     x, y, _, _ = rigid_point(length1, length2, th1, th2, 0.0, 0.0)
     x2, y2, _, _ = rigid_point(0.0, length2, th1, th2, 0.0, 0.0)
     tau1, tau2 = -y * fx + x * fy, -y2 * fx + x2 * fy
@@ -78,14 +77,14 @@ def jacobian_torque(
 
 @compiled
 def limited(torque: float, limit: float) -> float:
-    """Return ``torque`` within +-``limit``, or as it is where the limit is 0."""
+    """Return ``torque`` limited to +-``limit``, or unchanged for a limit of 0."""
     if limit > 0.0:
         return min(max(torque, -limit), limit)
     return torque
 
 
 class TipFeedback:
-    """The end effector as the configured sensor sees it."""
+    """The end effector as measured by the configured sensor."""
 
     def __init__(self, config: RunConfig) -> None:
         self._lengths = config.plant.length

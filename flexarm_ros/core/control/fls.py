@@ -15,17 +15,17 @@
 """
 The fuzzy logic system of (21), evaluated exactly.
 
-The definition is :mod:`flexarm_ros.core.control.fls_definition`; this is its value in
-closed form.  With a = |delta1| / K_n and b = |delta2| / K_n on [0, 1] the nine
-rules of Table 1 fire three output sets,
+The definition is :mod:`flexarm_ros.core.control.fls_definition`; this is its closed form.
+With a = |delta1| / K_n and b = |delta2| / K_n on [0, 1] the nine rules of Table 1 fire
+three output sets,
 
     ZERO: min(1 - a, 1 - b),  PM: max(min(a, 1 - b), min(1 - a, b)),  PMAX: min(a, b),
 
 since N and P of an input are the two halves of its absolute value and the
 table is symmetric.  Each half of the universe of lambda then holds one falling
-and one rising ramp, clipped at their rules' strengths, and the area under the
-larger of two is the sum of both less that under the smaller: the centroid is
-a quotient of polynomials in the strengths, with no sampling at all.
+and one rising ramp, clipped at their rules' strengths.  The area under their
+maximum is the sum of both minus that under their minimum: the centroid is
+a quotient of polynomials in the strengths, without sampling.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def fls_lambda(input1: float, input2: float) -> float:
     """
     Return lambda for the normalised deflections delta1 / K_n and delta2 / K_n.
 
-    Inputs beyond the universe [-1, 1] count as its ends; the value is from
+    Inputs beyond the universe [-1, 1] are clipped; the value is from
     lambda(0, 0) = 1/6 to lambda(+-1, +-1) = 5/6.
     """
     a, b = min(abs(input1), 1.0), min(abs(input2), 1.0)
@@ -58,7 +58,7 @@ def fls_lambda(input1: float, input2: float) -> float:
     medium = max(min(a, 1.0 - b), min(1.0 - a, b))
     largest = min(a, b)
     left_area, left = _half_moments(zero, medium)
-    # The right half is the left one mirrored, with PMAX in the place of ZERO.
+    # The right half is the left one mirrored, with PMAX instead of ZERO.
     right_area, right = _half_moments(largest, medium)
     area = left_area + right_area
     # s = 2 lambda on the left, s = 2 (1 - lambda) on the right.

@@ -16,10 +16,10 @@
 The one definition of the fuzzy logic system: Figures 2 and 3, Table 1.
 
 Membership functions and rules are given here as numbers; :func:`build` makes
-the scikit-fuzzy control system of them, which can be printed, plotted and
-computed (slowly: 5 ms a value).  The loop uses the exact evaluation of
-:mod:`flexarm_ros.core.control.fls`, which the tests hold against this one.
-scikit-fuzzy is imported only when asked for.
+a scikit-fuzzy control system from them, which can be printed, plotted and
+evaluated (slowly: 5 ms per value).  The loop uses the exact evaluation of
+:mod:`flexarm_ros.core.control.fls`, which the tests compare with this one.
+scikit-fuzzy is imported only when needed.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def build(samples: int = 2001) -> Any:
     Return the ``skfuzzy.control.ControlSystem``: min, max, centroid.
 
     ``samples`` is the number of points on each universe; scikit-fuzzy's
-    centroid is exact but for the kinks that fall between them.
+    centroid is exact except for kinks between the points.
     """
     from skfuzzy import control, trimf
 
@@ -80,7 +80,7 @@ def build(samples: int = 2001) -> Any:
 
 
 def describe() -> str:
-    """Return membership functions and rules as text, one a line."""
+    """Return membership functions and rules as text, one per line."""
     lines = [f'{" and ".join(INPUTS)} on [-1, 1]:']
     lines += [f'  {label}: triangle {feet}' for label, feet in INPUT_SETS.items()]
     lines.append(f'{OUTPUT} on [0, 1]:')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every control law is given and must give."""
+"""Interface of the control laws."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Sample(NamedTuple):
 
 
 def torque_fault(k: int, torque: tuple[float, float]) -> str | None:
-    """Return which torque of tick ``k`` is not finite, ``None`` where both are."""
+    """Return a description of the non-finite torque of tick ``k``, ``None`` without one."""
     if math.isfinite(torque[0]) and math.isfinite(torque[1]):
         return None
     joint = 0 if not math.isfinite(torque[0]) else 1
@@ -52,21 +52,21 @@ def torque_fault(k: int, torque: tuple[float, float]) -> str | None:
 
 class Law:
     """
-    A control law: a function of the tick's sample, with a state of its own if need be.
+    A control law: a function of the tick's sample, with internal state if needed.
 
-    Between ticks `retune` may give it other live gains.
+    `retune` may change its live gains between ticks.
     """
 
     gain: float = math.nan
-    """The factor lambda of the last tick; nan where the law has none."""
+    """The factor lambda of the last tick; nan for a law without it."""
 
     def __init__(self, config: RunConfig) -> None:
         self.config = config
 
     def retune(self, config: RunConfig) -> None:
-        """Take the live gains of ``config`` from the next tick on; the state is kept."""
+        """Use the live gains of ``config`` from the next tick on; the state is kept."""
         self.config = config
 
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
-        """Return tau1, tau2 (N m) for tick ``k``; called once a tick, in order."""
+        """Return tau1, tau2 (N m) for tick ``k``; called once per tick, in order."""
         raise NotImplementedError

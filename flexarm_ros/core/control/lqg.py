@@ -15,13 +15,13 @@
 """
 Laws ``lqg`` and ``adaptive``: estimated flexible state, regulated about a planned motion.
 
-Both take the undelayed encoders and the delayed tip sensor's position; what
-the plant publishes of its elastic state is not used.  See
-:mod:`flexarm_ros.core.control.design` for how plan, gains and filter come about.
+Both use the undelayed encoders and the delayed position of the tip sensor, not the elastic state
+that the plant publishes.  For plan, gains and filter see
+:mod:`flexarm_ros.core.control.design`.
 
-``lqg``: errors of EI, density and latency count in the filter's covariance and
-are not estimated.  ``adaptive``: they are estimated, the model in the filter
-follows them, and the regulator leads the arm to what they will do.
+``lqg``: errors of EI, density and latency count in the filter's covariance and are not
+estimated.  ``adaptive``: they are estimated, the filter's model follows them, and the regulator
+compensates their predicted effect.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from flexarm_ros.core.timeline import named_ns, Timeline
 import numpy as np
 
 _BEYOND_S = 10.0
-"""Time after the plan over which the regulator's gains settle, s."""
+"""Time after the plan over which the regulator's gains converge, s."""
 
 _FARTHEST = 0.35
 """Largest estimate of log EI and log density."""
@@ -67,7 +67,7 @@ class Design(NamedTuple):
 
 
 class Latency(NamedTuple):
-    """The believed latency in ticks, whole and part, and the ticks a tip sample."""
+    """The assumed latency in ticks, integer and fraction, and the ticks per tip sample."""
 
     whole: int
     part: float
@@ -75,7 +75,7 @@ class Latency(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What a law carries on: estimate z (total,), added torque v (2,), integral (2,)."""
+    """State of a law: estimate z (total,), added torque v (2,), integral (2,)."""
 
     z: FloatArray
     v: FloatArray
@@ -83,7 +83,7 @@ class Memory(NamedTuple):
 
 
 def latency_of(config: RunConfig) -> Latency:
-    """Return the latency that the controller believes in."""
+    """Return the latency that the controller assumes."""
     period_ns = Timeline.of(config.run).period_ns
     own = config.controller.model_tip_latency
     seconds = config.tip_sensor.latency if own is None else own
@@ -94,12 +94,12 @@ def latency_of(config: RunConfig) -> Latency:
 def filter_model(
     gains: ControllerParameters, latency: Latency, period: float, size: int, adapt: bool
 ) -> FilterModel:
-    """Return what the filter assumes; ``size`` is 2n."""
+    """Return the filter's assumptions; ``size`` is 2n."""
     start = np.full(size + UNKNOWNS, 1e-8)
     unsure = (gains.lqg_model_std, gains.lqg_model_std, gains.lqg_latency_std)
     for i, std in enumerate(unsure):
         start[size + i] = std * std
-    start[-2:] = 0.0  # no torque disturbance at first
+    start[-2:] = 0.0  # no initial torque disturbance
     wander = np.zeros(UNKNOWNS)
     if adapt:
         steps = [std * gains.adaptive_wander for std in unsure]
@@ -115,7 +115,7 @@ def filter_model(
 
 @lru_cache(maxsize=4)
 def _design(config: RunConfig, adapt: bool) -> Design:
-    """Gains for ``config``, of which only what the design depends on is set."""
+    """Return the gains for ``config``, which has only the keys that the design depends on."""
     plan, gains, latency = plan_for(config), config.controller, latency_of(config)
     count, size = plan.motion.rate.shape[0], plan.motion.state.shape[1]
     spacing = plan.grid.ticks * plan.grid.substeps * plan.grid.step
@@ -140,9 +140,9 @@ def design_of(config: RunConfig) -> Design:
 
 def design_key(config: RunConfig) -> RunConfig:
     """
-    Return ``config`` without what no design depends on, so that runs can share one.
+    Return ``config`` without the keys that no design depends on, so that runs can share one.
 
-    The plant itself stays in only through what the controller believes of it.
+    The plant's own parameters count only as defaults of the controller's model.
     """
     latency = config.controller.model_tip_latency
     latency = config.tip_sensor.latency if latency is None else latency
@@ -161,7 +161,7 @@ def correct(
     z: FloatArray, gains: FloatArray, latency: Latency, period: float, n: int, tip: bool,
     encoder: tuple[float, float, float, float], point: tuple[float, float],
 ) -> None:  # fmt: skip
-    """Take in this tick's readings; z (total,), gains (total, 6)."""
+    """Update by this tick's readings; z (total,), gains (total, 6)."""
     size = 2 * n
     newer = size + 5 + 2 * latency.whole
     e0, e1 = encoder[0] - z[0], encoder[1] - z[1]
@@ -178,7 +178,7 @@ def correct(
 
 @compiled
 def tip_deviation(point: Point, z: FloatArray, planned: FloatArray, n: int) -> tuple[float, float]:
-    """Return how far the estimated tip is from the planned one, m."""
+    """Return the deviation of the estimated tip from the planned one, m."""
     end = 2 * n
     x, y, _, _ = elastic_point(z[:n], z[n:end], point.shapes, point.shortening)
     px, py, _, _ = elastic_point(planned[:n], planned[n:end], point.shapes, point.shortening)
@@ -190,10 +190,10 @@ def regulate(
     arm: Arm, gains: FloatArray, planned: FloatArray, memory: Memory, period: float, limit: float
 ) -> tuple[float, float]:
     """
-    Return the torques: the plan's and v, whose rate is linear in what deviates.
+    Return the torques: the plan's plus v, whose rate is linear in the deviations.
 
-    v is what remains after the limit, and where a joint is at its limit the
-    integral waits, so that neither winds up.
+    v is the part within the limit, and the integral stops while a joint is at its limit, as
+    anti-windup for both.
     """
     z, v, integral = memory
     size = planned.shape[0] - 2
@@ -222,7 +222,7 @@ def regulate(
 def predict_state(
     arm: Arm, own: Constants, grid: Grid, z: FloatArray, tau1: float, tau2: float, n: int
 ) -> None:
-    """Carry the estimate over a tick with the torques held."""
+    """Propagate the estimate over a tick with the torques held."""
     size = 2 * n
     for i in range(2):
         z[size + i] = min(max(z[size + i], -_FARTHEST), _FARTHEST)
@@ -286,6 +286,6 @@ class LqgLaw(Law):
 
 
 class AdaptiveLaw(LqgLaw):
-    """``lqg`` that estimates EI, density and latency while it runs, and uses them."""
+    """``lqg`` with online estimation of EI, density and latency."""
 
     ADAPT = True

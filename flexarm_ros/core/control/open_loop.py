@@ -28,9 +28,9 @@ Row = tuple[float, float, float]
 
 class OpenLoopLaw(Law):
     """
-    Rows (t, tau1, tau2), linear between rows, taken at the middle of each tick and held.
+    Rows (t, tau1, tau2), interpolated linearly at the middle of each tick and held.
 
-    Before the first and after the last row that row's torques hold.  Two rows
+    Before the first and after the last row that row's torques apply.  Two rows
     of equal time make a step.
     """
 
@@ -62,7 +62,7 @@ def _between(rows: tuple[Row, ...], following: int, time: float) -> tuple[float,
 
 
 def check_torques(rows: tuple[Row, ...]) -> None:
-    """Raise ``ValueError``, naming the key, for a table that is empty or not in order of time."""
+    """Raise ``ValueError``, naming the key, for a table that is empty or not sorted by time."""
     if not rows:
         raise ValueError('controller.torque_file: missing or empty, needed by law open_loop')
     for number, (before, after) in enumerate(pairwise(rows), start=2):

@@ -15,27 +15,26 @@
 """
 Laws ``inverse`` and ``passive``: the planned motion's torque and collocated feedback.
 
-``inverse``: inverse dynamics of the flexible arm as feedforward, and the joints
-held to the planned angles,
+``inverse``: inverse dynamics of the flexible arm as feedforward, with joint loops about the
+planned angles,
 
     tau = tau_p + K_p (theta_p - theta) + K_d (theta_p' - theta'),
 
-by the encoders alone.  The feedback acts where the torque does, so that it
-takes energy out of every mode whatever the arm's parameters (Gevarter, AIAA
-Journal 8, 1970).  The tip sensor is not used.
+from the encoders alone.  The feedback is collocated, so that it dissipates energy of every mode
+for any parameters of the arm (Gevarter, AIAA Journal 8, 1970).  The tip sensor is not used.
 
-``passive``: the same, and a slow correction by the delayed tip through an output
-between joints and tip (the mu-tip of Damaren, IEE Proc. D 142, 1995: joint
-rates and a part mu of the elastic rates, which a torque reaches passively
-where the tip's own rate is not).  What the delayed tip shows of the deflection
-beyond the planned one, d(t), is low-passed and that part of it led against:
+``passive``: the same, with a slow correction from the delayed tip, through an output between
+joints and tip (the mu-tip of Damaren, IEE Proc. D 142, 1995: joint rates and a fraction mu of the
+elastic rates; from the torques to it the arm is passive, unlike to the tip's own rate).  The
+deviation d(t) of the measured deflection from the planned one is low-passed and compensated in
+part:
 
     c' = w (-mu d - c),   theta_t = theta_p + J^T (J J^T + l^2)^-1 c,
 
     d(t) = p(t) - [p_p + r(theta) - r(theta_p)](t - latency),
 
-p the sensed point as delivered, p_p as planned, r and J the rigid arm's point
-and the tip's Jacobian.
+with p the sensed point as delivered, p_p as planned, r and J the rigid arm's point and the tip's
+Jacobian.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
 _REGULAR = 2.0
-"""l, m: below this lever a direction is hardly corrected, near the straight arm."""
+"""l, m: below this lever, near the straight arm, a direction is hardly corrected."""
 
 
 @compiled
@@ -77,7 +76,7 @@ def expect(
     encoder: tuple[float, float, float, float],
     out: FloatArray,
 ) -> None:
-    """Set ``out`` (2,) to where the sensed point is, were the deflection the planned one."""
+    """Set ``out`` (2,) to the position of the sensed point for the planned deflection."""
     size = planned.shape[0] - 2
     n = size // 2
     x, y, _, _ = elastic_point(planned[:n], planned[n:size], point.shapes, point.shortening)
@@ -147,7 +146,7 @@ class PassiveLaw(InverseLaw):
         here = self._ring[k % len(self._ring)]
         expect(self._plan.arm.sensed, self._along, planned, sample.encoder, here)
         late = self._late
-        # At ticks without a new sample the old one is that much older.
+        # At ticks without a new sample the held one is that much older.
         newer = k - k % late.every - late.whole
         gains, c = self.config.controller, self._correction
         for axis in (0, 1):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Compiled functions, elementary functions whose bits are defined, linear algebra.
+Compiled functions, elementary functions with defined bits, linear algebra.
 
-Imports nothing of this package but where compiled code is kept.
+Imports nothing of this package except the location of the code cache.
 """

@@ -13,17 +13,16 @@
 # limitations under the License.
 
 """
-The one way in which functions of the core are compiled.
+Compilation of the core's functions.
 
-``@compiled`` is numba's ``njit`` with a cache on disk and nothing that could
-change a result from one run to the next: no fast-math, no contraction of a
-product and a sum into one operation, no threads.  Functions under it use plain
-loops, never ``@`` or ``numpy.linalg``, whose order of summation is BLAS's own
-affair, and :mod:`flexarm_ros.core.numerics.elementary` for what is not +, -, *, / or
+``@compiled`` is numba's ``njit`` with a disk cache and without options that could change a result
+between runs: no fast-math, no contraction of a product and a sum into one operation, no threads.
+Compiled functions use plain loops, never ``@`` or ``numpy.linalg``, whose order of summation
+depends on BLAS, and :mod:`flexarm_ros.core.numerics.elementary` for everything but +, -, *, / and
 sqrt.
 
-Where the cache is, :mod:`flexarm_ros.code_cache` says.  A file in it that cannot be
-read (cut short by a full disk, say) counts as absent and is written anew.
+:mod:`flexarm_ros.code_cache` determines the location of the cache.  An unreadable file in it
+(such as one truncated by a full disk) counts as absent and is rewritten.
 """
 
 from __future__ import annotations
@@ -45,18 +44,18 @@ _FunctionCache: Any = caching.FunctionCache
 
 
 class _Cache(_FunctionCache):  # type: ignore[misc]
-    """numba's cache of one function, which never is the reason that a call fails."""
+    """numba's cache of one function, whose errors never make a call fail."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled code of a signature, ``None`` where there is none to be read."""
+        """Return the compiled code of a signature, ``None`` if there is no readable one."""
         try:
             return super().load_overload(sig, target_context)
-        except Exception:  # unpickling what was cut short may raise anything
+        except Exception:  # unpickling truncated data may raise anything
             self._forget()
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the compiled code of a signature if that is possible."""
+        """Store the compiled code of a signature if possible."""
         try:
             super().save_overload(sig, data)
         except OSError as error:  # a full disk, or the directory was removed
@@ -71,7 +70,7 @@ class _Cache(_FunctionCache):  # type: ignore[misc]
 
 
 def compiled(function: F) -> F:
-    """Compile ``function`` on its first call, or load it from the cache on disk."""
+    """Compile ``function`` on its first call, or load it from the disk cache."""
     result: Any = numba.njit(error_model='numpy')(function)
     where = None if _config.DISABLE_JIT else code_cache.directory()
     if where is not None:

@@ -13,23 +13,21 @@
 # limitations under the License.
 
 """
-Elementary functions of which every bit is defined: the same on every machine.
+Elementary functions with defined bits: the same on every machine.
 
-IEEE 754 defines the last bit of +, -, *, / and sqrt and of nothing else.  The
-sine of the C library differs between its versions, and within one version
-between processors; NumPy's differs with the vector unit that it finds.  So all
-that the numbers of a run depend on uses these functions, which are made of the
-five operations alone, in a fixed order.  The compiler may not change that
-order or fuse two operations into one: :mod:`flexarm_ros.core.numerics.compiled` leaves
-fast-math and contraction off.  Compiled and interpreted they give equal bits.
+IEEE 754 defines the last bit of +, -, *, / and sqrt only.  The sine of the C library differs
+between its versions and, within one version, between processors; NumPy's differs with the vector
+unit.  So all numbers of a run use these functions, which consist of the five operations in a
+fixed order.  The compiler may not change that order or fuse two operations:
+:mod:`flexarm_ros.core.numerics.compiled` disables fast-math and contraction.  Compiled and
+interpreted code give equal bits.
 
-Each is within 1 ulp of the true value for every finite argument; NaN, infinities
-and signed zeros are as in IEEE 754-2008, section 9.2.  The methods are the
-textbook ones (Muller, Elementary Functions, 3rd edition, 2016): a reduction of
-the argument that carries an error term, then a Taylor series on an interval so
-short that its remainder is far below one ulp.
+Each is within 1 ulp of the true value for every finite argument; NaN, infinities and signed zeros
+are as in IEEE 754-2008, section 9.2.  The methods are standard (Muller, Elementary Functions, 3rd
+edition, 2016): a reduction of the argument with an error term, then a Taylor series on an
+interval so short that its remainder is far below one ulp.
 
-``test/test_core_elementary.py`` holds them against mpmath.
+``test/test_core_elementary.py`` checks them against mpmath.
 """
 
 from __future__ import annotations
@@ -45,12 +43,12 @@ _TWO_OVER_PI = 0.6366197723675814
 # below 2^20 are exact, and the rest.
 _TURN_1, _TURN_2 = 1.5707963267341256, 6.077100506303966e-11
 _TURN_3, _TURN_4 = 2.0222662487111665e-21, 8.4784276603689e-32
-_MANY_TURNS = 1e6  # largest argument for which that holds, with room to spare
-_FEW_TURNS = 1e4  # and for which the last two parts in one do
+_MANY_TURNS = 1e6  # largest argument for which that holds, with a margin
+_FEW_TURNS = 1e4  # largest argument for which the last two parts may be one
 _TURN_3_AND_4 = 2.0222662487959506e-21
 _HALF_PI, _HALF_PI_LOW = 1.5707963267948966, 6.123233995736766e-17
 _PI, _PI_LOW = 3.141592653589793, 1.2246467991473532e-16
-# Adding and subtracting it leaves the nearest whole number, halves to even.
+# Adding and subtracting it gives the nearest integer, halves to even.
 _ROUNDER = 6755399441055744.0  # 1.5 * 2^52
 _SPLITTER = 134217729.0  # 2^27 + 1
 _BASE, _BASE_INVERSE = 16777216.0, 1.0 / 16777216.0  # 2^24
@@ -64,10 +62,10 @@ _DIGITS = np.array([
     7677882, 13102053, 15825725, 473591, 9065106, 15363067, 6271263, 9264392, 5636912, 4652155,
 ], dtype=float)  # fmt: skip
 
-_LN2, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # the first of 32 bits
+_LN2, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # the first has 32 bits
 _LN2_INVERSE = 1.4426950408889634
 
-# The arc tangents of 0, 1/16, ..., 1 and what is left of them.
+# The arc tangents of 0, 1/16, ..., 1 and their rounding errors.
 _ARCS = np.array([
     0.0, 0.06241880999595735, 0.12435499454676144, 0.18534794999569476, 0.24497866312686414,
     0.3028848683749714, 0.35877067027057225, 0.4124104415973873, 0.4636476090008061,
@@ -114,7 +112,7 @@ def sincos(x: float) -> tuple[float, float]:
 
 @compiled
 def _turned(quadrant: int, x: float, low: float) -> tuple[float, float]:
-    """Return sine and cosine of ``x + low``, and ``quadrant`` quarter turns more."""
+    """Return sine and cosine of ``x + low`` plus ``quadrant`` quarter turns."""
     sine, cosine = _series(x, low)
     if quadrant == 0:
         return sine, cosine
@@ -150,17 +148,17 @@ def _series(x: float, low: float) -> tuple[float, float]:
 @compiled
 def _reduce_huge(x: float) -> tuple[int, float, float]:
     """
-    Return the quadrant of ``x`` > 1 and its angle there, rad, with what is left of it.
+    Return the quadrant of ``x`` > 1 and the angle in it, rad, with its remainder.
 
-    Payne and Hanek (1983): of x 2 / pi only the digits about the point are
-    computed.  Digits are of 24 bits, so that products and their sums are exact.
+    Payne and Hanek (1983): only the digits of x 2 / pi around the point are computed.
+    Digits have 24 bits, so that products and their sums are exact.
     """
     place = 0
     while x >= _BASE:
         x *= _BASE_INVERSE
         place += 1
     columns = np.zeros(8)  # column 0 has the weight 1, column m 2^(-24 m)
-    for j in range(4):  # the digits of x, the first in front of the point
+    for j in range(4):  # the digits of x, the first before the point
         digit = math.floor(x)
         x = (x - digit) * _BASE
         for m in range(8):
@@ -260,7 +258,7 @@ def atan2(y: float, x: float) -> float:
         angle = _HALF_PI
     else:
         power = math.frexp(max(a, b))[1]
-        if min(a, b) >= max(a, b) * 1e-10:  # else as they are: smaller than the smallest number
+        if min(a, b) >= max(a, b) * 1e-10:  # otherwise unchanged: below the smallest number
             a, b = math.ldexp(a, -power), math.ldexp(b, -power)
         angle = _angle(a, 0.0, b, 0.0, x < 0.0)
     return math.copysign(angle, y)
@@ -286,11 +284,11 @@ def acos(x: float) -> float:
 
 @compiled
 def _angle(y: float, y_low: float, x: float, x_low: float, left: bool) -> float:
-    """Return the angle of (x, y) > 0, each with a rest, from the x axis; ``left``: of (-x, y)."""
+    """Return the angle of (x, y) > 0, each with a remainder; ``left``: that of (-x, y)."""
     steep = y > x
     if steep:
         y, y_low, x, x_low = x, x_low, y, y_low
-    if y < x * 1e-10:  # the arc is its tangent
+    if y < x * 1e-10:  # the arc equals its tangent
         high, low = y / x, 0.0
     else:
         index = int(16.0 * (y / x) + 0.5)
@@ -320,14 +318,14 @@ def _angle(y: float, y_low: float, x: float, x_low: float, left: bool) -> float:
 
 @compiled
 def _scaled(x: float, power: int) -> float:
-    """Return x 2^power, rounded once, infinite where that is too large."""
+    """Return x 2^power, rounded once, infinite on overflow."""
     half = power // 2
     return x * math.ldexp(1.0, half) * math.ldexp(1.0, power - half)
 
 
 @compiled
 def _two_sum(a: float, b: float) -> tuple[float, float]:
-    """Return a + b as rounded, and exactly what rounding took away (Knuth)."""
+    """Return a + b as rounded, and the exact rounding error (Knuth)."""
     total = a + b
     of_b = total - a
     return total, (a - (total - of_b)) + (b - of_b)
@@ -335,7 +333,7 @@ def _two_sum(a: float, b: float) -> tuple[float, float]:
 
 @compiled
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """Return a b as rounded, and exactly what rounding took away (Veltkamp, Dekker)."""
+    """Return a b as rounded, and the exact rounding error (Veltkamp, Dekker)."""
     product = a * b
     a_high = a * _SPLITTER - (a * _SPLITTER - a)
     b_high = b * _SPLITTER - (b * _SPLITTER - b)

@@ -29,7 +29,7 @@ def solve_symmetric(matrix: FloatArray, vector: FloatArray) -> None:
     """
     n = vector.shape[0]
     for j in range(n):
-        # Column j is still undivided, L_jk D_k, in row j: divide it on the way.
+        # Row j holds column j before the division, L_jk D_k: divide it here.
         pivot = matrix[j, j]
         for k in range(j):
             product = matrix[j, k]

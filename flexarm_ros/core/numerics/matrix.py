@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Small dense matrix arithmetic in plain loops: the same bits every time."""
+"""Small dense matrix arithmetic in plain loops, with reproducible bits."""
 
 from __future__ import annotations
 

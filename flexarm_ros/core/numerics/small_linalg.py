@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-Products, factors and eigenvalues of small matrices, the same to the last bit everywhere.
+Products, factors and eigenvalues of small matrices, with reproducible bits.
 
-The last bits of BLAS, LAPACK and ``einsum`` change with threads, blocking and
-the vector unit; what these functions give goes into the numbers of a run, which
-must not.
+The last bits of BLAS, LAPACK and ``einsum`` depend on threads, blocking and the vector unit; the
+numbers of a run, which are computed with these functions, must not.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ import numpy as np
 
 
 def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues (rising) and orthonormal eigenvectors (columns), by Jacobi rotations."""
+    """Return eigenvalues (ascending) and orthonormal eigenvectors (columns), by Jacobi."""
     a = np.array(matrix, dtype=float)
     vectors = np.zeros_like(a)
     for i in range(len(a)):
@@ -134,8 +133,8 @@ def spectral_radius(matrix: FloatArray) -> float:
     """
     Return the largest modulus of an eigenvalue: the limit of ||A^m||^(1/m) (Gelfand).
 
-    m is 2^40, by squaring: the norm's excess over the radius, and the rounding of
-    each square, count with the m-th root.
+    m is 2^40, by squaring; the m-th root reduces the norm's excess over the radius and the
+    rounding of each square.
     """
     a = matrix.copy()
     n = a.shape[0]
@@ -167,7 +166,7 @@ def largest_rate(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -
     """
     n = mass.shape[0]
     inverse = inverse_factor(mass)
-    # In coordinates of unit mass, the positions scaled by a rate so that all blocks are alike.
+    # In coordinates of unit mass, positions scaled by a rate to balance the blocks.
     springs, dampers = np.zeros((n, n)), np.zeros((n, n))
     for i in range(n):
         for j in range(n):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Sensors and the ways on which their samples come late.
+Sensors and transport delays of their samples.
 
 Imports the numerics, the parameters, the arm and the timeline.
 """

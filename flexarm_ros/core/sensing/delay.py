@@ -13,27 +13,24 @@
 # limitations under the License.
 
 """
-Delay lines of exact, fractional length for a signal sampled once a tick.
+Delay lines of exact, fractional length for a signal sampled once per tick.
 
-``buffer``: the output at tick k is the input at t_k - latency, linear between
-ticks; the latency is split into whole ticks and a remainder in integer
-nanoseconds, so that nothing is rounded.  Before the start the signal had its
-initial value.
+``buffer``: the output at tick k is the input at t_k - latency, interpolated linearly between
+ticks; the latency is split into whole ticks and a remainder in integer nanoseconds, so that
+nothing is rounded.  Before the start the signal has its initial value.
 
 ``pade2``: the second-order Pade approximation of exp(-s tau) that the paper
-puts there (its section 3)::
+uses (its section 3)::
 
     H(s) = (1 - s tau / 2 + (s tau)^2 / 12) / (1 + s tau / 2 + (s tau)^2 / 12),
 
-exact for an input that is linear between ticks (ramp-invariant), from
-equilibrium at the initial value.  |H(jw)| = 1 at every frequency; its step
-response starts at +1, reverses, and settles: the approximation's own
-nonminimum phase, which a pure delay does not have.
+exact for an input that is linear between ticks (ramp-invariant), starting in equilibrium at the
+initial value.  |H(jw)| = 1 at every frequency; its step response starts at +1, reverses, and
+settles: this nonminimum phase is that of the approximation, a pure delay has none.
 
-The latency may be changed between ticks.  The output at a tick always belongs
-to the latency at that tick: where the latency grows the time of measurement
-steps back once (older values are delivered again), where it shrinks values
-are skipped.
+The latency may be changed between ticks.  The output at a tick always corresponds to the latency
+at that tick: if it grows, the time of measurement steps back once (older values are delivered
+again); if it shrinks, values are skipped.
 """
 
 from __future__ import annotations
@@ -45,13 +42,13 @@ from flexarm_ros.core.numerics.elementary import exp, sincos
 import numpy as np
 
 CHANNELS = 4
-"""Values a sample: two positions and their rates."""
+"""Values per sample: two positions and their rates."""
 
 HISTORY_NS = 1_000_000_000
-"""History that is kept where the tick allows it, and so the largest live latency."""
+"""History that is kept if the tick allows it, and so the largest live latency."""
 
 MOST_SAMPLES = 1 << 16
-"""Most ticks of history that are kept for a latency that may still be set."""
+"""Most ticks of history that are kept for live changes of the latency."""
 
 NO_LIMIT_NS = 1 << 62
 
@@ -59,7 +56,7 @@ Sample4 = tuple[float, float, float, float]
 
 
 class BufferDelay:
-    """A ring of past samples, read at an exact age."""
+    """A ring buffer of past samples, read at an exact age."""
 
     def __init__(self, period_ns: int, latency_ns: int) -> None:
         self._period_ns = period_ns
@@ -78,7 +75,7 @@ class BufferDelay:
         self._whole, self._part = whole, rest / self._period_ns
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
-        """Take the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
+        """Add the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
         result: Sample4 = _through_ring(self._ring, k, self._whole, self._part, a, b, c, d)
         return result
 
@@ -92,7 +89,7 @@ def _through_ring(
     ring[here, 0], ring[here, 1], ring[here, 2], ring[here, 3] = a, b, c, d
     newer = max(k - whole, 0) % size
     older = max(k - whole - 1, 0) % size
-    # With a whole number of ticks the sample itself is delivered, bit for bit.
+    # For a whole number of ticks the sample itself is delivered, bit for bit.
     if part == 0.0:
         return ring[newer, 0], ring[newer, 1], ring[newer, 2], ring[newer, 3]
     rest = 1.0 - part
@@ -118,7 +115,7 @@ class PadeDelay:
         Change the latency from the next tick on; the state is kept.
 
         A signal at rest stays at rest, since the equilibrium of the states
-        does not depend on the latency.
+        is independent of the latency.
         """
         if latency_ns < 0:
             raise ValueError(f'{latency_ns} ns, must be 0 or more')
@@ -126,7 +123,7 @@ class PadeDelay:
         self._matrices = pade2_matrices(self._period_ns / latency_ns if latency_ns else math.inf)
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
-        """Take the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
+        """Add the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
         result: Sample4 = _through_pade(self._state, self._matrices, k == 0, a, b, c, d)
         return (a, b, c, d) if self._direct else result
 
@@ -135,11 +132,11 @@ def pade2_matrices(ratio: float) -> FloatArray:
     """
     Return the discrete matrices of the approximation, shape ``(2, 4)``.
 
-    ``ratio`` is tick / latency.  In time measured in latencies, with states
+    ``ratio`` is tick / latency.  With time in units of the latency and states
     z1, z2 = z1': z2' = 12 (u - z1) - 6 z2 and output u - z2, so that at rest
-    z1 = u and z2 = 0 whatever the latency.  Row i holds what z_i becomes after
-    a tick: factors of z1, z2, of the input at the tick's start and at its end,
-    the input being linear between.
+    z1 = u and z2 = 0 for any latency.  Row i has the coefficients of z_i after
+    a tick: of z1, z2, and of the input at the tick's start and end, which is
+    linear between them.
     """
     if math.isinf(ratio):
         return np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]])
@@ -149,8 +146,8 @@ def pade2_matrices(ratio: float) -> FloatArray:
     sine, cosine = sincos(omega * ratio)
     cosine, sine = fall * cosine, fall * sine / omega
     free = np.array([[cosine + 3.0 * sine, sine], [-12.0 * sine, cosine - 3.0 * sine]])
-    # Ramp input u = u0 + g t is followed by z1 = u - g / 2, z2 = g: a free
-    # motion of the difference from there remains.
+    # A ramp input u = u0 + g t is followed by z1 = u - g / 2, z2 = g; the
+    # difference from it decays as a free motion.
     lag = np.array([-0.5, 1.0]) / ratio
     matrix = np.zeros((2, 4))
     matrix[:, :2] = free

@@ -13,18 +13,16 @@
 # limitations under the License.
 
 """
-Joint encoder and tip sensor: what is measured, when, and how badly.
+Joint encoder and tip sensor: measurand, latency, noise and resolution.
 
-A sample delivered at tick k is the value at t_k - latency and is stamped with
-that time of measurement.  Noise and counts are those of that one reading, so
-they are added to the delayed value.  They act on positions; rates are taken
-as a measurement of their own and stay ideal (differencing the angles would
-give noise of sqrt(2) noise_std / tick on them).
+A sample delivered at tick k is the value at t_k - latency and is stamped with that time of
+measurement.  Noise and quantisation belong to that reading, so they are applied to the delayed
+value.  They act on positions; rates count as separate ideal measurements (differencing the angles
+would give noise of sqrt(2) noise_std / tick on them).
 
-Noise is made of the bits of numpy's PCG64, seeded by ``seed`` and the sensor's
-name: the same in every process layout.  Of these, NumPy keeps the sequence
-between versions; of its normal numbers it does not, and they depend on the C
-library's logarithm.
+Noise is computed from the bits of numpy's PCG64, seeded by ``seed`` and the sensor's name, so it
+is the same in every process layout.  NumPy keeps the bit sequence between versions, but not its
+normal numbers, which also depend on the C library's logarithm.
 """
 
 from __future__ import annotations
@@ -72,7 +70,7 @@ def make_normal(points: FloatArray) -> int:
     """
     Replace ``points`` ``(n, 2)`` of the square from -1 to 1 by pairs of normal numbers.
 
-    Those within the unit circle make a pair each (Marsaglia's polar method);
+    Each point within the unit circle gives a pair (Marsaglia's polar method);
     the pairs come first in ``points``, in order.  Returns their number.
     """
     count = 0
@@ -131,14 +129,14 @@ class Encoder:
         self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
 
     def check_latency(self, seconds: float) -> None:
-        """Raise ``ValueError`` for a latency that cannot be set while a run goes on."""
+        """Raise ``ValueError`` for a latency that cannot be set during a run."""
         self._latency.check_seconds(seconds)
 
     def retune(self, config: RunConfig) -> None:
         """
-        Take the live parameters of ``config`` from the next tick on.
+        Use the live parameters of ``config`` from the next tick on.
 
-        Raises ``ValueError`` for a latency beyond the history that is kept.
+        Raises ``ValueError`` for a latency longer than the history kept.
         """
         self._latency.set_seconds(config.encoder.latency)
         self.resolution, self.noise_std = config.encoder.resolution, config.encoder.noise_std
@@ -147,7 +145,7 @@ class Encoder:
         """
         Return stamp_ns, theta1, theta2, dtheta1, dtheta2 as delivered at tick ``k``.
 
-        Call once a tick, in order, with the plant's state of that tick.
+        Call once per tick, in order, with the plant's state of that tick.
         """
         stamp, (a, b, c, d) = self._latency.step(
             k, float(q[0]), float(q[1]), float(qd[0]), float(qd[1])
@@ -161,7 +159,7 @@ class Encoder:
 
 
 def _count(angle: float, resolution: float) -> float:
-    """Return the angle of the nearest count; halves are rounded to even, as in IEEE 754."""
+    """Return the angle rounded to the resolution; halves to even, as in IEEE 754."""
     return round(angle / resolution) * resolution if abs(angle) < 1e15 * resolution else angle
 
 
@@ -170,7 +168,7 @@ class TipSensor:
     The position sensor ``tip_sensor.location`` m along the arm: x, y, vx, vy in ``base``.
 
     With ``tip_sensor.rate`` a new sample is delivered every whole number of
-    ticks from tick 0 on, and held, with its own stamp, until the next.
+    ticks from tick 0 on and held, with its own stamp, until the next.
 
     ``number`` 0 is the sensor of the loop; 1, 2, ... are those at
     ``tip_sensor.more_locations``, see `further_sensors`.
@@ -190,14 +188,14 @@ class TipSensor:
         self._held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
 
     def check_latency(self, seconds: float) -> None:
-        """Raise ``ValueError`` for a latency that cannot be set while a run goes on."""
+        """Raise ``ValueError`` for a latency that cannot be set during a run."""
         self._latency.check_seconds(seconds)
 
     def retune(self, config: RunConfig) -> None:
         """
-        Take the live parameters of ``config`` from the next tick on.
+        Use the live parameters of ``config`` from the next tick on.
 
-        Raises ``ValueError`` for a latency beyond the history that is kept.
+        Raises ``ValueError`` for a latency longer than the history kept.
         """
         self._latency.set_seconds(config.tip_sensor.latency)
         self.noise_std = config.tip_sensor.noise_std
@@ -206,7 +204,7 @@ class TipSensor:
         """
         Return stamp_ns, x, y, vx, vy of the sensed point as delivered at tick ``k``.
 
-        Call once a tick, in order, with the plant's state of that tick.
+        Call once per tick, in order, with the plant's state of that tick.
         """
         stamp, (x, y, vx, vy) = self._latency.step(k, *self._point(q, qd))
         if k % self._every == 0:
@@ -227,14 +225,14 @@ def ticks_per_sample(rate: float, period_ns: int) -> int:
     """
     Return the whole number of ticks between samples at ``rate`` Hz; 1 for 0.
 
-    Raises ``ValueError`` where it is not whole, in exact arithmetic.
+    Raises ``ValueError`` if it is not an integer, in exact arithmetic.
     """
     return ticks_between('tip_sensor.rate', rate, period_ns)
 
 
 def check_location(config: RunConfig) -> None:
-    """Raise ``ValueError`` where a tip sensor is not between elbow and tip."""
-    # As decimals: 0.7 + 0.1 is 0.8, which it is not in binary floating point.
+    """Raise ``ValueError`` for a tip sensor that is not between elbow and tip."""
+    # In decimals: 0.7 + 0.1 is 0.8, unlike in binary floating point.
     low, beyond = (Decimal(repr(length)) for length in config.plant.length)
     places = [('location', config.tip_sensor.location)]
     places += [('more_locations', place) for place in config.tip_sensor.more_locations or ()]

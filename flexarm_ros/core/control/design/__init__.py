@@ -13,9 +13,8 @@
 # limitations under the License.
 
 """
-What the tip laws are computed from before the first tick: plans, gains and filters.
+Design of the tip laws before the first tick: plans, gains and filters.
 
-Everything here runs once, when a law is made, and its results steer the run.
-So it keeps to the loop's rule: plain compiled loops, no BLAS or LAPACK, the
-same bits in every process.
+It is computed once, when a law is created, and its results determine the run.  So the rule of the
+loop applies: plain compiled loops, no BLAS or LAPACK, the same bits in every process.
 """

@@ -15,15 +15,15 @@
 """
 Kalman filter along a planned motion, with the tip sensor's latency and unknowns in the model.
 
-What is estimated is z = (x, b, c): the state; five unknowns b (logarithms of EI
-and density, the latency's error, a disturbance torque a joint), each a random
-walk; and a chain c of where the sensed point was at this tick and the ones
-before, which makes the delayed reading a linear output (Anderson and Moore,
+The estimate is z = (x, b, c): the state; five unknowns b (logarithms of EI
+and density, the latency's error, a disturbance torque per joint), each a random
+walk; and a chain c of positions of the sensed point at this and earlier ticks,
+which makes the delayed reading a linear output (Anderson and Moore,
 Optimal Filtering, 1979, section 7.3: fixed-lag smoothing by augmentation).
-Covariances are carried along the plan once, before the run; the gains then
-belong to the time.  Unknowns that are *considered* count in the covariance
-and are not corrected (Schmidt, 1966), which is the cautious filter's answer to
-parameters that it does not know well.
+Covariances are propagated along the plan once, before the run; the gains are
+functions of time.  *Considered* unknowns count in the covariance but are not
+corrected (Schmidt, 1966), the cautious treatment of parameters that are poorly
+known.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ UNKNOWNS = 5
 
 class FilterModel(NamedTuple):
     """
-    Latency in ticks, whole and part; ticks a tip sample; variances and what is unknown.
+    Latency in ticks, integer and fraction; ticks per tip sample; variances; unknowns.
 
     ``variances`` (3,): of angles, rates and tip positions as measured.
     ``noise`` (3,): spectral densities of torque ((N m)^2 s) and of accelerations of the
-    joints and of the elastic coordinates.  ``start``: variances of (x, b) at the start.
-    ``wander`` (5,): growth of the variance of b in a tick.  ``considered`` (5,): 1 where an
-    unknown is not corrected.
+    joints and of the elastic coordinates.  ``start``: initial variances of (x, b).
+    ``wander`` (5,): growth of the variance of b per tick.  ``considered`` (5,): 1 for an
+    unknown that is not corrected.
     """
 
     whole: int
@@ -69,7 +69,7 @@ class FilterModel(NamedTuple):
 
 @compiled
 def shift_chain(p: FloatArray, chain: int) -> None:
-    """Make room for the newest point: entries from ``chain`` on move two places."""
+    """Make room for the newest point: entries from ``chain`` on move by two."""
     total = p.shape[0]
     for i in range(total - 1, chain + 1, -1):
         for j in range(total - 1, chain + 1, -1):
@@ -102,7 +102,7 @@ def carry_cross(p: FloatArray, ad: FloatArray, drive: FloatArray, carried: Float
 def place_state(
     p: FloatArray, ad: FloatArray, drive: FloatArray, noise: FloatArray, carried: FloatArray
 ) -> None:
-    """Put the new rows and columns of x into ``p``, whose chain has been shifted."""
+    """Write the new rows and columns of x into ``p``, whose chain has been shifted."""
     size, unknowns, total = ad.shape[0], drive.shape[1], p.shape[0]
     chain = size + unknowns
     for i in range(size):
@@ -149,7 +149,7 @@ def predict(
     p: FloatArray, ad: FloatArray, drive: FloatArray, output: FloatArray, noise: FloatArray,
     wander: FloatArray, carried: FloatArray,
 ) -> None:  # fmt: skip
-    """Carry the covariance ``p`` of z over a tick."""
+    """Propagate the covariance ``p`` of z over a tick."""
     size = ad.shape[0]
     chain = size + drive.shape[1]
     carry_cross(p, ad, drive, carried)
@@ -170,10 +170,10 @@ def update(
     gains: FloatArray,
 ) -> None:  # fmt: skip
     """
-    Take in one scalar, the sum of three entries of z by factors.
+    Update by one scalar reading, the weighted sum of three entries of z.
 
-    Sequential gains are gathered so that ``gains`` (total, 6) acts on the
-    innovations of all six readings before any was taken in.
+    Sequential gains are combined so that ``gains`` (total, 6) acts on the innovations of all
+    six readings before any update.
     """
     total = p.shape[0]
     i0, i1, i2 = places
@@ -202,7 +202,7 @@ def update_all(
     p: FloatArray, setup: FilterModel, n: int, velocity: tuple[float, float], tip: bool,
     column: FloatArray, gains: FloatArray,
 ) -> None:  # fmt: skip
-    """Take in both angles, both rates and, where ``tip``, the delayed x and y."""
+    """Update by both angles, both rates and, with ``tip``, the delayed x and y."""
     size, var = 2 * n, setup.variances
     chain = size + UNKNOWNS
     one = (1.0, 0.0, 0.0)
@@ -234,7 +234,7 @@ def update_all(
 def drive_and_noise(
     bd: FloatArray, period: float, setup: FilterModel, drive: FloatArray, noise: FloatArray
 ) -> None:
-    """Set how the unknowns drive x, and the covariance of a tick's noise in x."""
+    """Set the effect of the unknowns on x, and the covariance of a tick's noise in x."""
     size = bd.shape[0]
     n = size // 2
     for i in range(size):

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The arm as a controller knows it: nonlinear step, linearisation and tip.
+The controller's model of the arm: nonlinear step, linearisation and tip.
 
-The model is the ``full`` plant with parameters of the controller's own
-(``controller.model.*``), so that a plant that differs from what the controller
-believes can be tried.  State x (2n,) = (q, q'), n = 2 + 2N; inputs tau1, tau2.
+The model is the ``full`` plant with the controller's own parameters
+(``controller.model.*``), so that plant and model can differ.
+State x (2n,) = (q, q'), n = 2 + 2N; inputs tau1, tau2.
 """
 
 from __future__ import annotations
@@ -74,10 +74,10 @@ def adjust(base: Constants, rigidity: Constants, density: Constants, ei: float, 
 @compiled
 def linearise(arm: Arm, state: FloatArray, tau1: float, tau2: float, rows: FloatArray) -> None:
     """
-    Fill ``rows`` (n, 2n + 2): how q'' changes with q, q' and the torques.
+    Fill ``rows`` (n, 2n + 2), the derivative of q'' with respect to q, q' and the torques.
 
-    Central differences with a step at which rounding and the third
-    derivative both leave some nine digits.  Nothing depends on theta1.
+    Central differences with a step that balances rounding and the third derivative to some
+    nine digits.  Nothing depends on theta1.
     """
     n = state.shape[0] // 2
     high, low, at = np.zeros(n), np.zeros(n), state.copy()
@@ -105,7 +105,7 @@ def sensitivity(
     state: FloatArray, tau1: float, tau2: float, rows: FloatArray,
 ) -> None:  # fmt: skip
     """
-    Fill ``rows`` (n, 2n + 4)'s last two columns: how q'' changes with log EI and log density.
+    Fill the last two columns of ``rows`` (n, 2n + 4): derivatives to log EI and log density.
 
     ``around``: constants with each of the two lowered and raised by ``change`` / 2.
     """
@@ -128,7 +128,7 @@ def discretise(rows: FloatArray, period: float, ad: FloatArray, bd: FloatArray) 
     """
     Fill ``ad`` (2n, 2n) and ``bd`` (2n, c): one tick of ``period`` s with held inputs.
 
-    ``rows`` (n, 2n + c): how q'' changes with q, q' and c inputs.  Taylor
+    ``rows`` (n, 2n + c): derivatives of q'' with respect to q, q' and c inputs.  Taylor
     series of the exponential of [[A, B], [0, 0]].
     """
     n = rows.shape[0]
@@ -162,9 +162,9 @@ def interval_matrices(
     """
     Fill ``transition`` (2n + c, 2n + c) and ``drive`` (2n + c, 2) over ``ticks`` ticks.
 
-    Of (x, u, p): ``rows`` (n, 2n + c) says how q'' changes with them, the c
-    inputs being the torques u and constants p; ``drive``: the torques' rates,
-    each tick's torque being that of its middle, held.
+    Of (x, u, p): ``rows`` (n, 2n + c) has the derivatives of q'' to them, the c
+    inputs being the torques u and constants p; ``drive`` is for the torques' rates.
+    The torque of a tick is that at its middle, held.
     """
     size, width = 2 * rows.shape[0], rows.shape[1]
     inputs = width - size
@@ -195,9 +195,9 @@ def interval_matrices(
 @compiled
 def point_jacobian(point: Point, q: FloatArray, jacobian: FloatArray) -> tuple[float, float]:
     """
-    Fill ``jacobian`` (2, n), of the point's x, y to q; return x, y.
+    Fill ``jacobian`` (2, n), the derivative of the point's x, y to q; return x, y.
 
-    By ``elastic_point``, whose velocities are linear in the rates.
+    From ``elastic_point``, whose velocities are linear in the rates.
     """
     rates = np.zeros(q.shape[0])
     x, y = 0.0, 0.0

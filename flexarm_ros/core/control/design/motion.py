@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A scenario's model and plan, made once for all laws and runs that share them."""
+"""A scenario's model and plan, computed once and shared by laws and runs."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ KNOT_S = 0.02
 """Spacing of the plan's knots, s: the torques are linear between them."""
 
 LONGEST_S = 200.0
-"""Longest motion, s, that is planned: its time and memory grow with it."""
+"""Longest motion that is planned, s: computing time and memory grow with it."""
 
 _AHEAD_S = 2.0
 _SETTLE_S = 8.0
 _ROUNDS = 15
 APART = 0.1
-"""Relative change of EI and density over which their effect is taken."""
+"""Relative change of EI and density for their finite differences."""
 
 
 def model_of(config: RunConfig) -> PlantParameters:
-    """Return the arm that the controller believes in: the plant's where nothing else is given."""
+    """Return the controller's model of the arm: the plant's values by default."""
     plant, own = config.plant, config.controller
     return replace(
         plant,
@@ -108,7 +108,7 @@ class Planned(NamedTuple):
 
 def plan_for(config: RunConfig) -> Planned:
     """
-    Return the plan of ``config``, made anew only where it differs from recent ones.
+    Return the plan of ``config``, recomputed only if it differs from recent ones.
 
     Raises ``ValueError``, naming the key, for a motion that is too long.
     """
@@ -127,7 +127,7 @@ def plan_for(config: RunConfig) -> Planned:
 
 
 def horizon_ns(config: RunConfig) -> int:
-    """Return the time that is planned: the run and a little more, or the path and its rest."""
+    """Return the planned time: slightly longer than the run, or the path and its rest."""
     timeline, path = Timeline.of(config.run), make_path(config)
     end = timeline.duration_ns + int(_AHEAD_S * NS_PER_S)
     if not path.lap_ns:
@@ -164,7 +164,7 @@ def _plan(
 
 
 def _guess(config: RunConfig, path: Path, times: list[int], n: int) -> FloatArray:
-    """Return the rigid arm on the path; its first row is where the arm starts, at rest."""
+    """Return the rigid arm on the path; the first row is the arm's start, at rest."""
     states = np.zeros((len(times), 2 * n))
     before = initial_angles(config)
     for j, time in enumerate(times):

@@ -13,26 +13,22 @@
 # limitations under the License.
 
 """
-The optimal flexible trajectory: torques and states that carry the true tip along the reference.
+The optimal flexible trajectory: torques and states that move the true tip along the reference.
 
-Of all motions of the model from its start, straight and at rest, the one that
-minimises
+Of all motions of the model from its start, straight and at rest, this one minimises
 
     sum over knots of H (w_p |tip - ref|^2 + w_u |u|^2 + w_r |u'|^2 + w_x |beyond|^2)
 
-with torques u that are linear between knots, H seconds apart, and ``beyond``
-what they have over a limit.  The arm's tip is a nonminimum phase output: to
-invert it exactly the torques would have to begin before the motion (Devasia,
-Chen and Paden, IEEE TAC 41, 1996).  The minimum over the whole, known path is
-the causal answer: as near as a start from rest allows, with preview of every
-corner, and bounded.
+with torques u that are linear between knots, H seconds apart, and ``beyond`` their excess over a
+limit.  The arm's tip is a nonminimum phase output: exact inversion would need torques before the
+start of the motion (Devasia, Chen and Paden, IEEE TAC 41, 1996).  The minimum over the complete,
+known path is the causal solution: bounded, with preview of every corner, and as close as a start
+from rest allows.
 
-Method: Gauss-Newton differential dynamic programming (Li and Todorov, ICINCO
-2004): linearise along the motion, solve the linear-quadratic problem by a
-Riccati recursion, roll the nonlinear model out with its feedback, repeat.
-The result is a motion of the very integrator that the plant uses, tick by
-tick, so that the law's model and plant agree to rounding when their
-parameters do.
+Method: Gauss-Newton differential dynamic programming (Li and Todorov, ICINCO 2004): linearise
+along the motion, solve the linear-quadratic problem by a Riccati recursion, simulate the
+nonlinear model with its feedback, repeat.  The result is a motion of the plant's own integrator,
+tick by tick, so that the law's model and the plant agree to rounding if their parameters do.
 """
 
 from __future__ import annotations
@@ -58,14 +54,14 @@ from flexarm_ros.core.numerics.matrix import (
 import numpy as np
 
 _ENOUGH = 1e-4
-"""The plan is done when a round lowers its cost by less than this part."""
+"""The plan has converged when an iteration lowers its cost by less than this fraction."""
 
 _LEAST_SHARE = 1e-2
 _FIRMER = 100.0
 
 
 class Weights(NamedTuple):
-    """Weights: per m^2, (N m)^2, (N m/s)^2; ``limit`` (N m, 0: none), per (N m)^2 beyond it."""
+    """Weights per m^2, (N m)^2, (N m/s)^2; ``limit`` (N m, 0: none), per (N m)^2 of excess."""
 
     tip: float
     torque: float
@@ -91,7 +87,7 @@ class Motion(NamedTuple):
 
 
 class Policy(NamedTuple):
-    """Torque rates of a knot: ``feedback`` (K, 2, 2n + 2) on (x, u) and ``change`` (K, 2)."""
+    """Torque rates at a knot: ``feedback`` (K, 2, 2n + 2) on (x, u) and ``change`` (K, 2)."""
 
     feedback: FloatArray
     change: FloatArray
@@ -103,7 +99,7 @@ def advance(
     dense: FloatArray,
 ) -> None:  # fmt: skip
     """
-    Carry ``state`` (2n,) over one interval; ``dense`` (ticks, 2n + 2): each tick's start.
+    Integrate ``state`` (2n,) over one interval; ``dense`` (ticks, 2n + 2): each tick's start.
 
     The last two columns of ``dense`` are the tick's torque, that of its middle.
     """
@@ -124,7 +120,7 @@ def knot_cost(
     arm: Arm, state: FloatArray, torque: FloatArray, at: FloatArray, weights: Weights,
     jacobian: FloatArray,
 ) -> float:  # fmt: skip
-    """Return the cost rate at a knot, its torque rate's apart."""
+    """Return the cost rate at a knot without that of its torque rate."""
     n = state.shape[0] // 2
     x, y = point_jacobian(arm.tip, state[:n], jacobian)
     dx, dy = x - at[0], y - at[1]
@@ -142,7 +138,7 @@ def roll_out(
     arm: Arm, path: FloatArray, weights: Weights, grid: Grid, old: Motion, policy: Policy,
     share: float, new: Motion,
 ) -> float:  # fmt: skip
-    """Fly ``old`` with ``share`` of the policy's change and its feedback; return the cost."""
+    """Simulate ``old`` with ``share`` of the policy's change and feedback; return the cost."""
     count, size = old.rate.shape[0], old.state.shape[1]
     jacobian, none = np.zeros((2, size // 2)), np.zeros((0, size))
     spacing = grid.ticks * grid.substeps * grid.step
@@ -240,9 +236,9 @@ def make_plan(
     """
     Return the optimal motion along ``path`` (K + 1, 2) from the first row of ``guess``.
 
-    ``guess`` (K + 1, 2n): states about which the first round linearises; they
-    need not be a motion of the model.  A limit is enforced in two stages, the
-    second with a weight ``_FIRMER`` times as large from the first one's motion.
+    ``guess`` (K + 1, 2n): states for the first linearisation, not necessarily a motion of the
+    model.  A limit is enforced in two stages; the second starts from the first one's motion
+    with a weight ``_FIRMER`` times as large.
     """
     motion = Motion(guess.copy(), np.zeros((len(guess), 2)), np.zeros((len(guess) - 1, 2)))
     motion = _converge(arm, path, weights, grid, motion, rounds, feasible=False)
@@ -261,7 +257,7 @@ def _converge(
     rounds: int,
     feasible: bool,
 ) -> Motion:
-    """Improve ``motion`` until it hardly gets better; it need not be ``feasible``."""
+    """Improve ``motion`` until it converges; it need not be ``feasible``."""
     new = Motion(*(part.copy() for part in motion))
     count, size = len(motion.rate), motion.state.shape[1]
     policy = Policy(np.zeros((count, 2, size + 2)), np.zeros((count, 2)))

@@ -15,16 +15,16 @@
 """
 Linear-quadratic regulator with integral action about a planned motion.
 
-The state is (dx, v, I, p): deviation from the plan, the torque added to it, the
-integral of the tip's deviation, and how far the arm's parameters are from the
-model's (logarithms of EI and density).  The input is v'.  It minimises
+The state is (dx, v, I, p): deviation from the plan, the added torque, the
+integral of the tip's deviation, and the errors of the model's parameters
+(logarithms of EI and density).  The input is v'.  It minimises
 
     sum of H (w_p |d tip|^2 + w_i |I|^2 + w_u |v|^2 + w_r |v'|^2)
 
 along the plan, by a Riccati recursion backwards in time (Bryson and Ho, Applied
-Optimal Control, 1975, section 5.2).  p does not change and cannot be steered;
-its column of the gain is the preview of what a known error of the model will
-do, to first order, over the rest of the path.
+Optimal Control, 1975, section 5.2).  p is constant and not controllable;
+its column of the gain is the preview of the effect of a known model error,
+to first order, over the rest of the path.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def place_integral(
     small: FloatArray, small_drive: FloatArray, jacobian: FloatArray, spacing: float,
     transition: FloatArray, drive: FloatArray,
 ) -> None:  # fmt: skip
-    """Spread matrices of (x, v, p) over (x, v, I, p) and let I gather the tip's deviation."""
+    """Expand matrices of (x, v, p) to (x, v, I, p), with I the integral of the tip's deviation."""
     inner = small.shape[0] - 2
     transition[:, :], drive[:, :] = 0.0, 0.0
     transition[:inner, :inner] = small[:inner, :inner]
@@ -99,7 +99,7 @@ def fill_regulator(
     Fill ``gains`` (K, 2, 2n + 6) of v' on (dx, v, I, p).
 
     The recursion starts ``beyond`` intervals after the last, at rest there, so
-    that the gains do not fade towards the end.
+    that the gains do not decay towards the end.
     """
     count, size = gains.shape[0], motion.state.shape[1]
     both, period = size + 6, grid.substeps * grid.step
