@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Starting, watching and ending the processes of a run, and suites of runs."""
+"""Start, supervision and shutdown of the processes of a run, and suites of runs."""

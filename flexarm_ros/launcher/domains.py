@@ -25,24 +25,23 @@ import socket
 import tempfile
 
 FIRST, LAST = 1, 101
-"""Domains whose ports lie below Linux's ephemeral range; 0 is everybody's default."""
+"""Domains with ports below Linux's ephemeral range; 0, the common default, is left out."""
 
 _PORT_BASE, _DOMAIN_GAIN, _UNICAST_OFFSET = 7400, 250, 10
 """UDP ports of a domain: DDSI-RTPS 2.5, section 9.6.2."""
 
 
 class NoDomainError(RuntimeError):
-    """Every domain is taken."""
+    """Every domain is in use."""
 
 
 @contextmanager
 def reserved_domain(wanted: int | None = None) -> Iterator[int]:
     """
-    Yield a domain: ``wanted`` if given, else a free one that is locked for the while.
+    Yield a domain: ``wanted`` if given, else a free one, locked meanwhile.
 
-    A lock file for each domain keeps two runs of this package apart; a look at
-    the domain's discovery ports keeps clear of other ROS programs.  Raises
-    NoDomainError where all are taken.
+    A lock file for each domain separates runs of this package; a check of the domain's
+    discovery ports avoids other ROS programs.  Raises NoDomainError if all are in use.
     """
     if wanted is not None:
         yield wanted
@@ -68,7 +67,7 @@ def reserved_domain(wanted: int | None = None) -> Iterator[int]:
 
 
 def _idle(domain: int) -> bool:
-    """Whether nobody on this machine listens on the domain's first discovery ports."""
+    """Whether no process on this machine listens on the domain's first discovery ports."""
     base = _PORT_BASE + _DOMAIN_GAIN * domain
     return all(_free(port) for port in (base, base + _UNICAST_OFFSET, base + _UNICAST_OFFSET + 2))
 

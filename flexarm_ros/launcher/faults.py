@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Faults of a suite's case: done to a node's process at an exact tick.
+Faults of a suite's case, applied to a node's process at an exact tick.
 
-The plant holds the run before the tick (its parameter ``hold_at``) until the
-fault has been done, so that the same tick is hit every time.
+The plant holds the run before the tick (its parameter ``hold_at``) until the fault has been
+applied, so that every run is hit at the same tick.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class FaultPlan:
         return tuple(sorted({tick for tick, _ in self._due}))
 
     def __call__(self, nodes: NodeProcesses) -> None:
-        """Do what is due and end delays whose time has come."""
+        """Apply the faults that are due and end expired delays."""
         now = time.monotonic()
         for when, node in list(self._resume):
             if now >= when:

@@ -24,7 +24,7 @@ from flexarm_ros.launcher.suite import NOT_STARTED, SuiteResult
 
 
 def write_junit(result: SuiteResult, path: Path) -> None:
-    """Write one ``testcase`` a case, comparison and claim, under names that stay the same."""
+    """Write one ``testcase`` per case, comparison and claim, with stable names."""
     name = result.suite.name
     root = ET.Element('testsuite', name=name)
     for case in result.cases:
@@ -75,5 +75,5 @@ def _say(case: ET.Element, lines: list[str]) -> None:
 
 
 def _printable(text: str) -> str:
-    """Replace what XML 1.0 cannot hold."""
+    """Replace characters that XML 1.0 does not allow."""
     return ''.join(c if c in '\n\t' or (c.isprintable()) else '?' for c in text)

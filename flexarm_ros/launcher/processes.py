@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node processes of one run: start, watch, end."""
+"""The node processes of one run: start, supervision, shutdown."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.launcher.shm_cleanup import Litter
 
 END_GRACE_S = 3.0
-"""Wall time that the nodes have to leave by themselves once a run is broken off."""
+"""Wall time for the nodes to leave by themselves once a run is broken off."""
 
 _NOTE_EVERY_S = 0.5
 
@@ -44,12 +44,12 @@ Process = subprocess.Popen[bytes] | Adopted
 
 class NodeProcesses(RunWatch):
     """
-    The processes of a run; a context manager that leaves none behind.
+    The processes of a run; a context manager that leaves none running.
 
-    They start in the directory ``logs``: Python imports from the one it is started in, and Fast
-    DDS reads its settings there; the user's may be a stranger's.  Several are forks of one
-    process, which loads what is compiled for the file ``scenario``; where that cannot be done
-    each is started by itself, after a call of ``compile_here``.
+    They start in the directory ``logs``, since Python imports from the working directory and
+    Fast DDS reads its settings there, and the user's may not be trusted.  Several are forks
+    of one process, which loads the compiled functions for the file ``scenario``; if forking
+    fails, each is started separately, after a call of ``compile_here``.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class NodeProcesses(RunWatch):
                         _fork(commands, environment, logs, self.inherited, scenario)
                     )
             if not self.running:
-                compile_here()  # once, not in every process at once
+                compile_here()  # once, before all processes do it at the same time
                 for name, command in commands.items():
                     with open(logs / f'{name}.log', 'wb') as log:
                         self.running[name] = subprocess.Popen(
@@ -99,7 +99,7 @@ class NodeProcesses(RunWatch):
         self.close()
 
     def poll(self, timeout_s: float) -> None:
-        """Take reports for up to ``timeout_s`` and notice who has ended."""
+        """Read reports for up to ``timeout_s`` and check for processes that have ended."""
         readable, _, _ = select.select([self.incoming], [], [], timeout_s)
         if readable:
             self.take_reports()
@@ -116,12 +116,12 @@ class NodeProcesses(RunWatch):
 
     @property
     def ours(self) -> list[str]:
-        """Names of the running nodes that are not somebody else's: those end by themselves."""
+        """Names of the running nodes that are not external: these end by themselves."""
         return [name for name in self.running if name not in self.foreign]
 
     @property
     def busy(self) -> list[str]:
-        """Names of ours that have not said that they are done with the run."""
+        """Names of own nodes that have not reported the end of the run."""
         report = self.report
         composed_done = report.heard <= report.done
         return [
@@ -130,18 +130,18 @@ class NodeProcesses(RunWatch):
         ]  # fmt: skip
 
     def _note_memory(self) -> None:
-        """Note the shared memory of the nodes while they live; it is all made by their start."""
+        """Record the shared memory of running nodes; it is all created at their start."""
         self._litter.note(process.pid for process in self.running.values())
         self._noted_at = time.monotonic() if self.report.started_at is None else math.inf
 
     def release(self) -> None:
-        """Let a plant that waits at a held tick go on."""
+        """Release a plant that waits at a held tick."""
         self.report.held_at = None
         if 'plant' in self.running:
             self.running['plant'].send_signal(signal.SIGUSR1)
 
     def interrupt_run(self, times: int = 1) -> None:
-        """Ask the plant to end the run in good order; without a run or a plant, everybody."""
+        """Ask the plant to end the run in order; without a run or a plant, ask all nodes."""
         self.breaking_off()
         for name in ('plant', 'compose'):
             if name in self.running and self.report.started_at is not None:
@@ -154,11 +154,11 @@ class NodeProcesses(RunWatch):
 
     def end(self, grace_s: float = END_GRACE_S) -> None:
         """
-        Wait for the nodes to leave; those that do not are told to, then killed.
+        Wait for the nodes to leave; terminate, then kill, those that do not.
 
-        One that was stopped is woken: it then leaves, and removes its shared memory.  It may
-        not have heard that the run is over (Fast DDS drops what goes through shared memory to
-        somebody who has not read for a second), so it is told.
+        A stopped one is continued: it then leaves, and removes its shared memory.  It is also
+        told to leave, since it may have missed the end of the run (Fast DDS drops shared
+        memory messages to a participant that has not read for a second).
         """
         self.ending = True
         for process in self.running.values():
@@ -175,7 +175,7 @@ class NodeProcesses(RunWatch):
                 self.poll(0.05)
 
     def kill(self) -> None:
-        """End whatever still runs, at once, and remove the shared memory of those killed."""
+        """Kill all remaining processes, and remove their shared memory."""
         for process in self.running.values():
             process.kill()
         for name, process in list(self.running.items()):
@@ -185,7 +185,7 @@ class NodeProcesses(RunWatch):
 
 
 def _is_stopped(pid: int) -> bool:
-    """Whether a process of ours stands still by a signal, as with SIGSTOP; see proc(5)."""
+    """Whether an own process is stopped by a signal such as SIGSTOP; see proc(5)."""
     stat = Path(f'/proc/{pid}/stat').read_text(encoding='utf-8', errors='replace')
     return stat.rpartition(')')[2].split()[0] == 'T'
 
@@ -196,7 +196,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def _end_with_launcher() -> None:
-    """Ask the kernel, in the new process, for SIGTERM when the launcher is no more."""
+    """Request, in the new process, SIGTERM from the kernel when the launcher dies."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
@@ -207,7 +207,7 @@ def _fork(
     pass_fds: Sequence[int],
     scenario: str,
 ) -> dict[str, Adopted]:
-    """Start our nodes as forks of one process; raises `NotForked`, and says so in a log."""
+    """Start own nodes as forks of one process; logs and raises `NotForked`."""
     with contextlib.ExitStack() as stack:
         nothing = stack.enter_context(open(os.devnull, 'rb')).fileno()
         files = {}
@@ -224,7 +224,7 @@ def _fork(
 def _start_foreign(
     command: Sequence[str], env: Mapping[str, str], log_file: Path
 ) -> subprocess.Popen[bytes]:
-    """Start somebody else's node: where and with what Python path the user stands."""
+    """Start an external node, in the user's directory and with the user's Python path."""
     env = {key: value for key, value in env.items() if key != 'PYTHONPATH'}
     if 'PYTHONPATH' in os.environ:
         env['PYTHONPATH'] = os.environ['PYTHONPATH']

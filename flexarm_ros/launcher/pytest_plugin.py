@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Pytest plugin: fly scenarios and suites from a test, with nodes of your own in the loop.
+Pytest plugin: run scenarios and suites from a test, with external nodes in the loop.
 
-It is there wherever this package is installed (entry point ``pytest11``), and
-costs nothing until a test asks for one of its fixtures.  See docs/testing.md.
+It is available wherever this package is installed (entry point ``pytest11``), and has no cost
+until a test uses one of its fixtures.  See docs/testing.md.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ Command = Sequence[str | Path]
 @dataclass(frozen=True)
 class Flight:
     """
-    One run as a test sees it; ``flight["max_error"]`` is a key of ``summary.json``.
+    One run in a test; ``flight["max_error"]`` is a key of ``summary.json``.
 
     ``directory`` has the bag, ``summary.json``, ``trajectory.csv`` and the logs;
-    ``problem`` is one line, empty where all went well.
+    ``problem`` is one line, empty on success.
     """
 
     directory: Path
@@ -52,7 +52,7 @@ class Flight:
 
     @property
     def stable(self) -> bool:
-        """Whether the run came to its end within the arm's bounds."""
+        """Whether the run reached its end within the arm's bounds."""
         return self.summary.get('stable') is True and not self.problem
 
     def __getitem__(self, metric: str) -> Any:
@@ -60,7 +60,7 @@ class Flight:
 
     @property
     def trajectory(self) -> dict[str, FloatArray]:
-        """Return the columns of ``trajectory.csv``: one value a tick, shape ``(ticks,)``."""
+        """Return the columns of ``trajectory.csv``: one value per tick, shape ``(ticks,)``."""
         import numpy as np
 
         with open(self.directory / 'trajectory.csv', encoding='ascii') as file:
@@ -69,11 +69,11 @@ class Flight:
         return dict(zip(names, table.reshape(-1, len(names)).T, strict=True))
 
     def log(self, node: str) -> str:
-        """Return what a node has printed."""
+        """Return the output of a node."""
         return (self.directory / 'logs' / f'{node}.log').read_text(errors='replace')
 
     def verify(self) -> Verdict:
-        """Compute every message of our nodes anew, as ``flexarm verify`` does."""
+        """Recompute every message of the package's nodes, as ``flexarm verify`` does."""
         from flexarm_ros.bag.verify import verify
 
         return verify(self.directory)
@@ -82,14 +82,14 @@ class Flight:
 @pytest.fixture
 def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
     """
-    Return a function that flies a scenario.
+    Return a function that runs a scenario.
 
     ``flexarm_run(scenario, settings, nodes={"controller": [...]})``: ``scenario``
     is a file or the name of a shipped one, ``settings`` maps keys such as
-    ``duration`` or ``plant.payload_mass`` to values, ``nodes`` maps the roles that
-    your own nodes take to their commands, ``mode`` is ``run`` (a process each),
-    ``compose`` or ``simulate``.  Each run has a ROS domain of its own, so tests may
-    run side by side.
+    ``duration`` or ``plant.payload_mass`` to values, ``nodes`` maps the roles of
+    external nodes to their commands, ``mode`` is ``run`` (a process each),
+    ``compose`` or ``simulate``.  Each run has its own ROS domain, so tests may
+    run concurrently.
     """
     count = 0
 
@@ -112,10 +112,10 @@ def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
 @pytest.fixture
 def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
     """
-    Return a function that flies a suite.
+    Return a function that runs a suite.
 
     ``assert not flexarm_suite("suite.yaml").failures()``; ``nodes`` as in
-    `flexarm_run`: they take part in every case but the simulated ones.
+    `flexarm_run`: they take part in every case except simulated ones.
     """
 
     def fly(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the nodes of a run tell the launcher, how they end, and which of them is to blame."""
+"""Reports of the nodes to the launcher, exits of the nodes, and the diagnosis of a failure."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from flexarm_ros.core.run.parts import Answer, PARTS, signals
 from flexarm_ros.nodes.runtime.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
 
 _CRASHES = {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
-"""Signals that a process brings on itself, and may have said why."""
+"""Signals that a process causes itself, possibly after printing the reason."""
 
 
 @dataclass
 class Report:
-    """What the nodes have reported so far."""
+    """The content of all reports so far."""
 
     tick: int = 0
     held: int = 0
-    """Tick before which the plant was last told to hold."""
+    """Tick before which the plant was last asked to hold."""
     directory: str = ''
     started_at: float | None = None
     ended_at: float | None = None
@@ -50,11 +50,11 @@ class Report:
     unstable_tick: int = -1
     failures: list[dict[str, Any]] = field(default_factory=list)
     heard: set[str] = field(default_factory=set)
-    """Roles that have reported anything."""
+    """Roles that have sent a report."""
     done: set[str] = field(default_factory=set)
 
     def take(self, line: dict[str, Any]) -> None:
-        """Add one line of a node."""
+        """Process one line of a node."""
         phase, role = line.get('phase'), line.get('role', '')
         self.heard.add(role)
         if role == 'recorder' and 'tick' in line:
@@ -73,11 +73,11 @@ class Report:
 
 class RunWatch:
     """
-    The launcher's ends of the pipes to the nodes of one run, and a record of what they report.
+    The launcher's ends of the pipes to the nodes of one run, and the nodes' reports.
 
-    The environment of a node names its ends: as descriptors that it inherits (``environment``,
-    ``inherited``), or as paths (``environment_by_path``) under a launcher that passes none on.
-    ``logs`` is where each node's output is, as NAME.log; ``foreign`` names the external nodes.
+    The environment of a node names its ends: as inherited descriptors (``environment``,
+    ``inherited``), or as paths (``environment_by_path``) if the launcher passes none on.
+    ``logs`` has the output of each node as NAME.log; ``foreign`` names the external nodes.
     """
 
     def __init__(self, logs: Path, foreign: Iterable[str] = ()) -> None:
@@ -94,7 +94,7 @@ class RunWatch:
         self._alive_read, self._alive = os.pipe()
         self._open = {self.incoming, self._write, self._alive_read, self._alive}
         os.set_blocking(self.incoming, False)
-        os.set_blocking(self._write, False)  # a launcher that is stopped must not stop the nodes
+        os.set_blocking(self._write, False)  # a stopped launcher must not block the nodes
 
     @property
     def inherited(self) -> tuple[int, int]:
@@ -103,30 +103,30 @@ class RunWatch:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Variables for a process that inherits the descriptors."""
+        """Environment variables for a process that inherits the descriptors."""
         return {REPORT_FD: str(self._write), ALIVE_FD: str(self._alive_read)}
 
     @property
     def environment_by_path(self) -> dict[str, str]:
-        """Variables for a process that does not; valid until `close`, on Linux."""
+        """Environment variables for a process that does not; valid until `close`, on Linux."""
         folder = f'/proc/{os.getpid()}/fd'
         return {name: f'{folder}/{number}' for name, number in self.environment.items()}
 
     def close(self, *descriptors: int) -> None:
-        """Close these ends of the pipes, or all: a node then takes its launcher as gone."""
+        """Close these ends of the pipes, or all: the nodes then take the launcher as gone."""
         for descriptor in descriptors or tuple(self._open):
             self._open.remove(descriptor)
             os.close(descriptor)
 
     def take_reports(self) -> None:
-        """Take what the nodes have reported."""
+        """Read the pending reports of the nodes."""
         while True:
             try:
                 data = os.read(self.incoming, 65536)
             except BlockingIOError:
                 break
             if not data:
-                time.sleep(0.01)  # every writer has gone: select would return at once
+                time.sleep(0.01)  # no writer is left: select would return at once
                 break
             self._buffer += data
         *lines, self._buffer = self._buffer.split(b'\n')
@@ -135,7 +135,7 @@ class RunWatch:
                 self.report.take(json.loads(line))
 
     def ended(self, name: str, status: int) -> None:
-        """Take the end of a process, with the exit status as `subprocess` has it."""
+        """Record the end of a process, with the exit status as in `subprocess`."""
         self.take_reports()
         told = {line['role'] for line in self.report.failures} | self.report.done
         expected = bool(told) if name == 'compose' else self.ending or name in told
@@ -143,24 +143,24 @@ class RunWatch:
             self.deaths.append((name, status))
 
     def forgive(self) -> None:
-        """Forget deaths of external nodes behind the last tick: they need not wait for the end."""
+        """Forget exits of external nodes after the last tick: they need not wait for the end."""
         if 'plant' in self.report.done and not self.ending:
             self.deaths = [death for death in self.deaths if death[0] not in self.foreign]
 
     @property
     def failing(self) -> bool:
-        """Whether a node has died or has said that the run failed."""
+        """Whether a node has died or reported a failed run."""
         return bool(self.deaths or self.report.failures)
 
     def never_met(self, external: Collection[str]) -> bool:
-        """Whether the run did not begin because our own nodes were not brought together."""
+        """Whether the run did not begin because own nodes did not discover one another."""
         if self.report.started_at is not None or self.deaths:
             return False
         told = [line for line in self.report.failures if line.get('never_met')]
         return bool(told) and all(line['blame'] not in external for line in told)
 
     def breaking_off(self) -> None:
-        """Note that the run is about to be broken off: what follows is caused by that."""
+        """Record that the run is being broken off: later failures are a consequence."""
         self.ending = True
         self._heard = self._heard or len(self.report.failures)
 
@@ -197,9 +197,9 @@ class RunWatch:
         return INTERRUPTED if interrupted else ''
 
     def _obituary(self, name: str, status: int) -> str:
-        """Say when and how a node ended that should not have."""
+        """Return when and how a node ended unexpectedly."""
         begun = self.report.started_at is not None
-        tick = max(self.report.tick, self.report.held)  # the recorder reports late
+        tick = max(self.report.tick, self.report.held)  # the recorder lags
         when = f'tick {tick}: ended' if begun else 'start: ended'
         if status < 0:
             number = signal.Signals(-status)
@@ -224,7 +224,7 @@ class RunWatch:
 
 
 def _nearness(line: dict[str, Any]) -> int:
-    """Order verdicts: who reads the most answers of others knows best who is silent."""
+    """Return a sort key of verdicts: a node with more inputs makes the better diagnosis."""
     answers = {signal.name for part, signal in signals(RunConfig()) if issubclass(part, Answer)}
     known = {part.NAME: len(answers & {*part.READS}) + part.FOR_THE_RECORD for part in PARTS}
     return -known.get(line['role'], -1)

@@ -43,22 +43,22 @@ from flexarm_ros.nodes.runtime.own_parameters import how_to_go_on
 from flexarm_ros.scenario.yaml.rclyaml import quoted
 
 VERDICT_S = 0.3
-"""Wall time after the first failure in which a verdict nearer to the cause may come in."""
+"""Wall time after the first failure for reports that are closer to the cause."""
 
 LEAVING_S = 5.0
-"""Wall time without any progress in which a node must leave once the plant has."""
+"""Wall time without progress after which a node must have left once the plant has."""
 
 
 @dataclass(frozen=True)
 class RunOptions:
     """
-    How to run, apart from what to run.
+    Options of a run, apart from the scenario.
 
-    ``rtf`` holds the run to a multiple of real time (0: as the scenario says);
-    ``attended``: the scenario's ``start_paused`` holds, since somebody can let the run begin;
+    ``rtf`` limits the run to a multiple of real time (0: as in the scenario);
+    ``attended``: the scenario's ``start_paused`` applies, since a user can start the run;
     ``namespace`` is that of all nodes, as ``/left``, empty for none;
-    ``domain`` is None for a free one; ``without`` lists roles that external
-    nodes fill, ``nodes`` those whose command is given: started with the
+    ``domain`` is None for a free one; ``without`` lists roles of external
+    nodes, ``nodes`` those whose command is given: started with the
     others, ended with the run; ``discovery`` is ROS_AUTOMATIC_DISCOVERY_RANGE.
     """
 
@@ -74,7 +74,7 @@ class RunOptions:
 
 @dataclass
 class Outcome:
-    """How a run ended: ``problem`` is one line, empty where all went well."""
+    """The end of a run: ``problem`` is one line, empty on success."""
 
     directory: Path
     summary: dict[str, object] = field(default_factory=dict)
@@ -88,7 +88,7 @@ class Outcome:
 
 
 Watch = Callable[[int, int], None]
-"""Called with the ticks recorded so far and the ticks of the whole run."""
+"""Called with the number of recorded ticks and the total."""
 
 
 def run_scenario(
@@ -104,7 +104,7 @@ def run_scenario(
     work: Work = lambda *_: None,
 ) -> Outcome:
     """
-    Fly ``config`` as ROS 2 nodes and return how it went.
+    Run ``config`` as ROS 2 nodes and return the outcome.
 
     ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
     says True the run is ended in good order.  ``verdict`` gets the outcome's ``problem`` as soon
@@ -146,7 +146,7 @@ def _tell(
 
 
 def _set_aside(directory: Path, logs: Path) -> None:
-    """Keep what the nodes have said of a start that failed; remove the bag that they began."""
+    """Keep the nodes' logs of a failed start; remove the bag that they began."""
     os.replace(logs, logs.with_name(f'{logs.name}-first-start'))
     shutil.rmtree(directory / BAG, ignore_errors=True)
 
@@ -185,7 +185,7 @@ def finish(
 
 
 def check_commands(nodes: Mapping[str, Sequence[str]]) -> None:
-    """See that the commands of somebody else's nodes can be started; FileNotFoundError if not."""
+    """Check that the commands of external nodes can be started; FileNotFoundError if not."""
     for role, words in nodes.items():
         if role not in REPLACEABLE:
             raise ValueError(f'{role}: not a node to replace: {", ".join(REPLACEABLE)}')
@@ -215,7 +215,7 @@ def _commands(
 
 
 def write_resolved(directory: Path, config: RunConfig) -> Path:
-    """Write every parameter of the run as a file that the nodes read; return its path."""
+    """Write every parameter of the run to a file for the nodes; return its path."""
     torques = (directory / 'torques.csv').resolve()
     if config.torques:
         write_atomically(torques, scenario.write_torques(config.torques))
@@ -227,7 +227,7 @@ def write_resolved(directory: Path, config: RunConfig) -> Path:
 def own_arguments(
     directory: Path, name: str, pace: PaceParameters, hold_at: Sequence[int] = ()
 ) -> dict[str, list[str]]:
-    """Return the ROS arguments of those nodes that have parameters beside the scenario's."""
+    """Return the ROS arguments of the nodes with parameters outside the scenario."""
     plant = [
         f'plant:{key}:={_yaml(getattr(pace, field))}'
         for key, (field, _, default) in specs(PaceParameters).items()
@@ -247,7 +247,7 @@ def _resolved(directory: Path) -> Path:
 
 
 def _yaml(value: float) -> str:
-    """Return ``value`` as rcl takes it: 1e-05 alone would be a text."""
+    """Return ``value`` as rcl reads it: 1e-05 would be a string."""
     if not isinstance(value, float):
         return json.dumps(value)
     mantissa, exponent, power = repr(float(value)).partition('e')
@@ -263,7 +263,7 @@ def _environment(domain: int, options: RunOptions) -> dict[str, str]:
         **os.environ,
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': options.discovery,
-        'ROS_LOG_DIR': log_directory(),  # a path that does not depend on where a node starts
+        'ROS_LOG_DIR': log_directory(),  # a path independent of a node's working directory
         'PYTHONPATH': os.pathsep.join(p for p in sys.path if p),
     }
 
@@ -303,7 +303,7 @@ def _supervise(
         if 'plant' in nodes.report.done:
             leaving.check(nodes)
     watch(nodes.report.tick, total)
-    nodes.end(0.0)  # somebody else's nodes need not know that the run is over
+    nodes.end(0.0)  # external nodes may not know that the run is over
     return False
 
 
@@ -316,7 +316,7 @@ def _await_verdict(nodes: NodeProcesses) -> None:
 
 
 class _Leaving:
-    """The end of a run: nodes leave one by one, and the recorder writes what is left."""
+    """The end of a run: nodes leave one by one, and the recorder writes the rest."""
 
     def __init__(self, limit_s: float) -> None:
         self._limit_s = limit_s
@@ -325,11 +325,11 @@ class _Leaving:
 
     def check(self, nodes: NodeProcesses) -> None:
         """
-        Blame whoever is not done when nothing has happened for the limit.
+        Report the nodes that are not done if nothing has happened within the limit.
 
-        Those that are have delivered all and closed their files: Fast DDS may wait for itself
-        for ever where a process leaves it (see `flexarm_ros.nodes.runtime.shutdown_watchdog`).
-        They are ended.
+        Nodes that are done have sent all messages and closed their files: Fast DDS may block
+        such a process on exit (see `flexarm_ros.nodes.runtime.shutdown_watchdog`).  They are
+        ended.
         """
         now = time.monotonic()
         state = (len(nodes.ours), nodes.report.tick)

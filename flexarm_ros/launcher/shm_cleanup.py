@@ -13,14 +13,13 @@
 # limitations under the License.
 
 """
-Shared memory that killed nodes leave behind, and its removal.
+Removal of the shared memory that killed nodes leave behind.
 
-Fast DDS keeps a segment and a port for each participant in ``/dev/shm`` and
-holds a lock on a file beside each (``fastdds_HEX_el``, ``fastdds_portN_el``)
-while the participant lives.  Who is killed by SIGKILL removes nothing; a
-segment is half a megabyte and is never used again.  The launcher notes which
-locks its own nodes hold and, when they have ended, removes those of these
-files that nobody holds any more.  Others' files are never touched.
+Fast DDS keeps a segment and a port for each participant in ``/dev/shm`` and locks a file beside
+each (``fastdds_HEX_el``, ``fastdds_portN_el``) while the participant lives.  A process killed by
+SIGKILL removes nothing; a segment of half a megabyte is never used again.  The launcher
+records the locks of its own nodes and, once they have ended, removes those of these files
+that are no longer locked.  Files of other processes are never touched.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ import time
 FOLDER = Path('/dev/shm')
 LOCKS = Path('/proc/locks')
 PREFIXES = ('fastdds_', 'fastrtps_')
-"""Of Fast DDS 3 and of Fast DDS 2, which is Jazzy's."""
+"""Of Fast DDS 3 and of Fast DDS 2, which Jazzy uses."""
 _LOCK = '_el'
 _TRIES, _PAUSE_S = 5, 0.02
 
@@ -47,7 +46,7 @@ class Litter:
         self.names: set[str] = set()
 
     def note(self, pids: Iterable[int]) -> None:
-        """Remember what the living processes ``pids`` hold; nothing where it cannot be known."""
+        """Record the files locked by the living processes ``pids``, as far as known."""
         ours = set(pids)
         try:
             held = _inodes_locked_by(ours)
@@ -63,7 +62,7 @@ class Litter:
             return
 
     def remove(self) -> list[str]:
-        """Remove what is left of processes that have ended; return the names of the files."""
+        """Remove the files of processes that have ended; return their names."""
         gone = []
         for name in sorted(self.names):
             if _stays_in_use(FOLDER / (name + _LOCK)):
@@ -77,7 +76,7 @@ class Litter:
 
 
 def _stays_in_use(lock: Path) -> bool:
-    """Whether ``lock`` is held for longer than Fast DDS holds it to see whose a port is."""
+    """Whether ``lock`` is held for longer than Fast DDS holds it for a check of a port."""
     for _ in range(_TRIES):
         if not in_use(lock):
             return False

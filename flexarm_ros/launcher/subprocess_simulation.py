@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulation in a process of its own: threads would share one interpreter's time."""
+"""A simulation in its own process: threads would share one interpreter's time."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def simulate_apart(
     watch: Callable[[int, int], None],
     stop: Callable[[], bool],
 ) -> dict[str, Any]:
-    """As `flexarm_ros.bag.simulation.simulate`; BagError also where the process dies."""
+    """Like `flexarm_ros.bag.simulation.simulate`; also BagError if the process dies."""
     context = spawn_context()
     here, there = context.Pipe(duplex=False)
     halt = context.Event()
@@ -72,9 +72,9 @@ def simulate_apart(
 
 
 def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name: str) -> None:
-    """Simulate and tell of it until told to stop, or until nobody listens any more."""
-    handle_ending(signal.SIG_IGN)  # signals reach the whole group: the launcher decides
-    allow_warnings()  # before what warns is imported
+    """Simulate and report progress until told to stop, or until the launcher is gone."""
+    handle_ending(signal.SIG_IGN)  # signals reach the process group: the launcher decides
+    allow_warnings()  # before modules that warn are imported
     from flexarm_ros.bag.simulation import simulate
 
     try:
@@ -84,6 +84,6 @@ def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name:
         )  # fmt: skip
         line.send(('summary', summary))
     except BrokenPipeError:
-        return  # the launcher has gone
+        return  # the launcher is gone
     except (BagError, OSError, ValueError) as error:
         line.send(('error', str(error)))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Running a suite: every case in its own domain and processes, then the comparisons."""
+"""Execution of a suite: every case in its own domain and processes, then the comparisons."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from flexarm_ros.scenario.suites.expect import Outcome
 from flexarm_ros.scenario.suites.suite import Case, Suite
 
 CORES_PER_RUN = 2
-"""A distributed run keeps about two cores busy; more side by side only slow one another."""
+"""Cores used by one distributed run; more concurrent runs slow one another down."""
 
 _LONGEST_NAME = 200
-"""Characters of a directory's name; file systems allow 255."""
+"""Longest name of a directory, characters; file systems allow 255."""
 
 NOT_STARTED = 'not started'
 
 
 @dataclass
 class CaseResult:
-    """One case as it was flown."""
+    """The result of one case."""
 
     case: Case
     directory: Path
@@ -63,13 +63,13 @@ class CaseResult:
 
     @property
     def not_started(self) -> bool:
-        """Whether the suite was ended before this case had its turn."""
+        """Whether the suite was ended before this case was started."""
         return self.metrics.get('error') == NOT_STARTED
 
 
 @dataclass
 class SuiteResult:
-    """A whole suite: cases, comparisons and claims."""
+    """The result of a suite: cases, comparisons and claims."""
 
     suite: Suite
     cases: list[CaseResult]
@@ -79,7 +79,7 @@ class SuiteResult:
 
     @property
     def passed(self) -> bool:
-        """Whether the suite as a whole passes."""
+        """Whether the whole suite passes."""
         return (
             all(result.passed for result in self.cases)
             and all(outcome.holds for outcome in self.comparisons)
@@ -87,7 +87,7 @@ class SuiteResult:
         )
 
     def failures(self) -> list[str]:
-        """Return a line for each case, comparison and claim that fails; none: it passes."""
+        """Return a line for each failed case, comparison and claim; empty if the suite passes."""
         found = [f'{case.case.name}: {NOT_STARTED}' for case in self.cases if case.not_started]
         found += [
             f'{case.case.name}: {outcome.text}'
@@ -101,10 +101,10 @@ class SuiteResult:
 
 def case_directory(out: Path, name: str) -> Path:
     """
-    Return a case's directory, another one for each name.
+    Return a case's directory, unique for each name.
 
-    Characters that a file name should not have become ``_``, and long names are cut;
-    a few digits that come from the whole name then tell such cases apart.
+    Characters that are unsafe in a file name become ``_``, and long names are cut; a few
+    digits computed from the name then keep the directories distinct.
     """
     plain = re.sub(r'[^A-Za-z0-9._=,\[\]-]', '_', name)
     if plain == name and len(name) <= _LONGEST_NAME:
@@ -113,7 +113,7 @@ def case_directory(out: Path, name: str) -> Path:
 
 
 def default_jobs(suite: Suite) -> int:
-    """Return how many cases run side by side on this machine."""
+    """Return the number of concurrent cases for this machine."""
     cores = os.cpu_count() or 1
     light = all(case.mode == 'simulate' for case in suite.cases)
     return max(1, cores if light else cores // CORES_PER_RUN)
@@ -128,11 +128,11 @@ def run_suite(
     nodes: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> SuiteResult:
     """
-    Fly every case below ``out`` and judge the suite.
+    Run every case in a directory of ``out`` and judge the suite.
 
-    ``watch(case, text)`` is called from the cases' threads as they go.  ``nodes``
-    has the commands of somebody else's nodes, by role: they take part in every
-    case but the simulated ones.
+    ``watch(case, text)`` is called from the cases' threads with their state.  ``nodes`` has
+    the commands of external nodes, by role: they take part in every case except simulated
+    ones.
     """
     results: dict[str, CaseResult] = {}
     stopping = threading.Event()
@@ -154,7 +154,7 @@ def judge(suite: Suite, cases: list[CaseResult]) -> SuiteResult:
     """
     Return the suite's result: its comparisons and claims over the cases' metrics.
 
-    The paper's claims are about our own nodes: with external ones they are not judged.
+    The paper's claims are about the package's own nodes: with external ones they are not judged.
     """
     runs = {result.case.name: result.metrics for result in cases}
     roles = {role for metrics in runs.values() for role in metrics.get('external') or ()}
@@ -176,7 +176,7 @@ def _fly(
     watch: Callable[[Case, str], None],
     stop: Callable[[], bool],
 ) -> CaseResult:
-    """Fly one case; whatever goes wrong is its result, not the suite's end."""
+    """Run one case; an error is its result and does not end the suite."""
     result = CaseResult(case, case_directory(out, case.name))
     if stop():
         result.metrics = {'status': 130, 'error': NOT_STARTED, 'complete': False}
@@ -202,7 +202,7 @@ def _run_case(
     watch: Callable[[Case, str], None],
     stop: Callable[[], bool],
 ) -> tuple[dict[str, Any], str, int]:
-    """Return the summary, the text that the run ended with, and its exit status."""
+    """Return the summary, the reason of the end, and the exit status."""
 
     def progress(ticks: int, total: int) -> None:
         watch(case, f'{100 * ticks // max(1, total)} %')

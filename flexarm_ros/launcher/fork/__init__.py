@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Node processes forked from one that has imported everything already.
+Node processes forked from one that has imported all modules.
 
-The server imports core and scenario; the parent the standard library alone.
+The server imports core and scenario; the parent only the standard library.
 """

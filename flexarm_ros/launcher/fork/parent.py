@@ -33,7 +33,7 @@ from flexarm_ros.nodes.classes import MODULES
 
 NURSERY = 'flexarm_ros.launcher.fork.server'
 _LIMIT_S = 300.0
-"""Wall time for imports, and for compiling where nothing has been compiled yet."""
+"""Wall time for imports, and for compiling if the cache is empty."""
 
 _LIBC = ctypes.CDLL(None)
 _PR_SET_CHILD_SUBREAPER, _PR_GET_CHILD_SUBREAPER = 36, 37
@@ -41,11 +41,11 @@ _adopting = threading.Lock()
 
 
 class NotForked(Exception):
-    """The nursery could not do it here; says why."""
+    """Forking is not possible; the text gives the reason."""
 
 
 class Adopted:
-    """A child of this process that another has forked, with what is used of a Popen."""
+    """A child of this process forked by another one, with the methods of Popen in use."""
 
     def __init__(self, pid: int) -> None:
         self.pid = pid
@@ -68,33 +68,33 @@ class Adopted:
         if self.returncode is None:
             try:
                 pid, status = os.waitpid(self.pid, options)
-            except ChildProcessError:  # somebody else has waited for it; as Popen does
+            except ChildProcessError:  # reaped elsewhere; same as in Popen
                 pid, status = self.pid, 0
             if pid:
                 self.returncode = os.waitstatus_to_exitcode(status)
         return self.returncode
 
     def send_signal(self, number: int) -> None:
-        """Send a signal, unless it has ended."""
+        """Send a signal if the process is still running."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill the process."""
         self.send_signal(signal.SIGKILL)
 
 
 def can_fork(commands: Mapping[str, Sequence[str]]) -> bool:
-    """Whether these are several, each ``python -m MODULE ...`` of this interpreter."""
+    """Whether there are several commands, all ``python -m MODULE ...`` of this interpreter."""
     alike = all(list(words[:2]) == [sys.executable, '-m'] for words in commands.values())
     return len(commands) > 1 and alike and not _traced()
 
 
 def _traced() -> bool:
     """
-    Whether LTTng's session daemon is at hand, as ``ros2 trace`` starts it.
+    Whether LTTng's session daemon is running, as ``ros2 trace`` starts it.
 
-    Its library, which rclpy is linked with, loses sight of processes that fork.
+    Its library, which rclpy links, cannot follow processes that fork.
     """
     homes = [os.environ[name] for name in ('LTTNG_HOME', 'HOME') if name in os.environ]
     folders = [Path('/var/run/lttng'), *(Path(home) / '.lttng' for home in homes)]
@@ -111,12 +111,12 @@ def start(
     modules: Sequence[str] = MODULES,
 ) -> dict[str, Adopted]:
     """
-    Start ``commands``, each in a session of its own, as forks of one process.
+    Start ``commands``, each in its own session, as forks of one process.
 
     ``files`` gives the descriptors of each one's standard input, output and error;
-    ``modules`` are imported once, before, and what is compiled for the file ``scenario`` is loaded
-    (compiled, where that was not done before).  Raises `NotForked` where that cannot be done:
-    then nothing has been started.
+    ``modules`` are imported once before forking, and the compiled functions for the file
+    ``scenario`` are loaded (or compiled).  Raises `NotForked` if that is not possible, before
+    anything is started.
     """
     children = [
         {'name': name, 'command': list(command), 'files': files[name]}
@@ -147,7 +147,7 @@ def start(
 
 @contextlib.contextmanager
 def _subreaper() -> Iterator[None]:
-    """Let the kernel make this process the parent of what its children leave behind."""
+    """Make this process the parent of the processes that its children leave behind."""
     before = ctypes.c_int(0)
     _LIBC.prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(before))
     _LIBC.prctl(_PR_SET_CHILD_SUBREAPER, ctypes.c_ulong(1))

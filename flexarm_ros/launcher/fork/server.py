@@ -13,16 +13,15 @@
 # limitations under the License.
 
 """
-One process that imports once and forks: what ``python -m MODULE ...`` does, many times over.
+A process that imports once, then forks children which act as ``python -m MODULE ...``.
 
 ``python -m flexarm_ros.launcher.fork.server`` reads a request from its standard input (JSON:
 modules to import, the scenario whose compiled functions to load, and for each child its command
 line and the descriptors of its standard files), forks the children, prints their process ids and
-ends.  `flexarm_ros.launcher.fork.parent` asks.
+exits.  The client is `flexarm_ros.launcher.fork.parent`.
 
-Children of one process have its addresses.  The processor keeps what it has learned of a
-program's jumps by their addresses, so each child finds the interpreter warm that another has
-just used; processes that are started each by itself have addresses of their own.
+Forked children share their parent's addresses.  The processor's branch predictor works by address,
+so each child finds the interpreter warmed up by the others, unlike processes started separately.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ _PR_SET_MM, _PR_SET_MM_MAP = 35, 14
 
 
 class _Map(ctypes.Structure):
-    """What the kernel knows of where things are in a process: ``prctl_mm_map`` of prctl(2)."""
+    """The kernel's map of a process's memory: ``prctl_mm_map`` of prctl(2)."""
 
     _ADDRESSES = (
         'start_code', 'end_code', 'start_data', 'end_data', 'start_brk', 'brk', 'start_stack',
@@ -64,14 +63,14 @@ _STAT = {'start_code': 26, 'end_code': 27, 'start_stack': 28, 'start_data': 45, 
 """Field -> its number in ``/proc/self/stat``, see proc(5)."""
 
 _shown: list[ctypes.Array[ctypes.c_char]] = []
-"""Command lines that the kernel has been given: they stay where they are."""
+"""Command lines that were given to the kernel: their memory must stay allocated."""
 
 
 def show_command(words: Sequence[str]) -> None:
     """
-    Let this process have ``words`` as its command line, in ``ps`` and ``/proc``.
+    Set the command line of this process, as shown by ``ps`` and ``/proc``, to ``words``.
 
-    Raises OSError where the kernel does not do that (it is for CRIU: CONFIG_CHECKPOINT_RESTORE).
+    Raises OSError if the kernel does not support it (CONFIG_CHECKPOINT_RESTORE, for CRIU).
     """
     data = b''.join(os.fsencode(word) + b'\0' for word in words)
     shown = ctypes.create_string_buffer(data, len(data))
@@ -90,19 +89,19 @@ def show_command(words: Sequence[str]) -> None:
 
 
 def main() -> int:
-    """Do what the request on standard input asks for; a child goes on as its own command."""
+    """Serve the request on standard input; a child continues as its own command."""
     allow_warnings()  # before anything else is imported
     from flexarm_ros import scenario
     from flexarm_ros.core.run.warmup import warm_up
 
     request = json.load(sys.stdin)
-    show_command(sys.orig_argv)  # where it does not work nothing is forked
+    show_command(sys.orig_argv)  # if this fails, nothing is forked
     for name in request['modules']:
         import_module(name)
     if request['scenario']:
         warm_up(scenario.load(request['scenario'], []))
     gc.collect()
-    gc.freeze()  # what is imported is everybody's: a collection that walked it would copy it
+    gc.freeze()  # imported objects are shared: a collection that visits them would copy them
     gate, opener = os.pipe()
     pids: dict[str, int] = {}
     for child in request['children']:
@@ -111,20 +110,20 @@ def main() -> int:
             os.close(opener)
             _take_files(child['files'], request['children'])
             if not os.read(gate, 1):
-                return 1  # nobody knows of this process
+                return 1  # no client for this process
             os.close(gate)
             return _be(child['command'])
         pids[child['name']] = pid
     print(json.dumps(pids), flush=True)
     os.write(opener, b'.' * len(pids))
-    os._exit(0)  # what the imports have made is the children's
+    os._exit(0)  # objects created by the imports belong to the children
 
 
 def _fork(others: dict[str, int]) -> int:
-    """Fork; where that fails, end the ``others`` and raise OSError."""
+    """Fork; on failure end the ``others`` and raise OSError."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # of numpy's threads: OpenBLAS minds forks itself
+            warnings.simplefilter('ignore')  # about numpy's threads: OpenBLAS handles forks
             return os.fork()
     except OSError:
         for pid in others.values():
@@ -134,7 +133,7 @@ def _fork(others: dict[str, int]) -> int:
 
 
 def _take_files(files: Sequence[int], children: Sequence[dict[str, Any]]) -> None:
-    """Make ``files`` the standard ones, and close those that are the other children's."""
+    """Make ``files`` the standard ones, and close those of the other children."""
     for number, descriptor in enumerate(files):
         os.dup2(descriptor, number)
     for descriptor in {each for child in children for each in child['files']}:
@@ -142,7 +141,7 @@ def _take_files(files: Sequence[int], children: Sequence[dict[str, Any]]) -> Non
 
 
 def _be(command: list[str]) -> int:
-    """Do what ``python -m MODULE ...`` does."""
+    """Run as ``python -m MODULE ...`` would."""
     os.setsid()
     show_command(command)
     sys.orig_argv[:] = command
