@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-Checks of a scenario as a whole: what one key's Spec cannot say.
+Checks of a scenario as a whole, beyond the Spec of each key.
 
-The core judges what its formulas need (:mod:`flexarm_ros.core.run.checks`); here are the limits
-that only a reader of strangers' files needs.  Errors name the key, the value and what is
-allowed.
+The core checks the conditions of its formulas (:mod:`flexarm_ros.core.run.checks`); here are the
+limits for files from untrusted sources.  Errors name the key, the value and what is allowed.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ from flexarm_ros.core.parameters.spec import exact_ns
 from flexarm_ros.scenario.errors import clip, ScenarioError
 
 MAX_BUFFER_TICKS = 1_000_000
-"""Longest latency in ticks: a sensor keeps that many past values."""
+"""Longest latency in ticks, the number of past values that a sensor keeps."""
 
 MAX_SUBSTEPS = 100_000
-"""Most integrator steps a tick that are chosen where ``plant.substeps`` is left out."""
+"""Most integration steps per tick that are chosen if ``plant.substeps`` is not set."""
 
 
 def check(config: RunConfig) -> None:
-    """Raise ScenarioError if the parts of ``config`` do not fit together."""
+    """Raise ScenarioError if the parts of ``config`` are inconsistent."""
     _check_buffers(config)
     _check_torques(config)
     _check_model(config)
@@ -55,14 +54,14 @@ def _check_torques(config: RunConfig) -> None:
     if config.controller.law == 'open_loop' and not config.torques:
         given = config.controller.torque_file is not None
         raise ScenarioError(
-            f'controller.torque_file: {"its rows are not at hand" if given else "missing"}; '
+            f'controller.torque_file: {"its contents were not supplied" if given else "missing"}; '
             "law 'open_loop' needs a CSV file t,tau1,tau2"
         )
 
 
 def _check_model(config: RunConfig) -> None:
-    """Let the core judge, and bound the steps that it would take."""
-    # Imported here: compiled code takes half a second to import, and errors above need none.
+    """Check the model by the core, and limit its integration steps."""
+    # Imported here: compiled code takes half a second to import, and the errors above need none.
     from flexarm_ros.core.arm.plant import choose_substeps
     from flexarm_ros.core.run import checks
     from flexarm_ros.core.run.make_plant import highest_frequency
@@ -79,7 +78,7 @@ def _check_model(config: RunConfig) -> None:
         raise ScenarioError(f'plant: no finite model of these parameters ({error})') from None
     if substeps > MAX_SUBSTEPS:
         raise ScenarioError(
-            f'plant.substeps: left out, and {substeps:.3g} would be needed for a highest '
+            f'plant.substeps: not set, and {substeps:.3g} would be needed for a highest '
             f'frequency of {highest:.4g} rad/s; at most {MAX_SUBSTEPS}: take a shorter '
             '/**.control_period'
         )

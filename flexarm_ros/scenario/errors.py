@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The one error that a bad scenario, suite, sweep or torque file gives."""
+"""The error for an invalid scenario, suite, sweep or torque file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import difflib
 
 
 class ScenarioError(ValueError):
-    """A user's input that cannot be used: one line with key, value and what is allowed."""
+    """Invalid user input: one line with key, value and what is allowed."""
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -36,10 +36,10 @@ def counted(number: int, noun: str) -> str:
 
 
 PATH_WIDTH = 200
-"""Width of a path in an error: its end is what tells files apart."""
+"""Width of a path in an error; its end is kept, since it distinguishes files."""
 
 
 def clip(text: str, width: int = 80) -> str:
-    """Return ``text`` fit for one line of an error: printable and not too long."""
+    """Return ``text`` printable and shortened for one line of an error."""
     shown = text if text.isprintable() else repr(text)[1:-1]
     return shown if len(shown) <= width else shown[: width - 3] + '...'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reading of a user's text file with limits: regular, not too large, UTF-8."""
+"""Reading of a user's text file with limits: a regular file, of limited size, in UTF-8."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read_text(path: Path, limit: int) -> str:
     """
     Return a file's text, at most ``limit`` bytes of UTF-8.
 
-    Raises ScenarioError if it cannot be read, is no regular file (a pipe would block),
+    Raises ScenarioError if it cannot be read, is not a regular file (a pipe would block),
     is too large or is not text.
     """
     shown = clip(str(path), PATH_WIDTH)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the shipped scenarios, suites and sweeps are, however the package was installed."""
+"""Locations of the shipped scenarios, suites and sweeps for every kind of installation."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def config_directories() -> list[Path]:
     """
     Return the existing ``config`` directories, the nearest to the code first.
 
-    A source tree (or ``pip install -e``) has it beside the package; a wheel puts it into
-    ``share/flexarm_ros/config`` below the prefix, colcon below the install space, which the
-    ament index path names.
+    In a source tree (or ``pip install -e``) it is beside the package, of a wheel in
+    ``share/flexarm_ros/config`` below the prefix, of colcon below the install space, which is on
+    the ament index path.
     """
     package = Path(flexarm_ros.__file__).resolve().parent
     prefixes = [*package.parents, Path(sys.prefix)]
@@ -84,7 +84,7 @@ def find(
     path_or_name: str | os.PathLike[str], known: dict[str, Path] | None = None, base: Path = Path()
 ) -> Path:
     """
-    Return the file that ``path_or_name`` means: a shipped name, or a path below ``base``.
+    Return the file for ``path_or_name``: a shipped name, or a path relative to ``base``.
 
     Raises ScenarioError if there is no such file.
     """
@@ -110,7 +110,7 @@ def find(
 
 
 def first_comment(path: Path) -> str:
-    """Return a file's first comment line, its description in ``flexarm list``."""
+    """Return a file's first comment line, the description shown by ``flexarm list``."""
     for line in path.read_text('utf-8').splitlines():
         if line.startswith('#'):
             return line.lstrip('# ').strip()

@@ -13,20 +13,20 @@
 # limitations under the License.
 
 """
-Parameter files as a ROS 2 node reads them: the sections that are the node's, by its name.
+Parameter files as a ROS 2 node reads them: the sections for the node's name.
 
-Sections are chosen and ordered as rcl does it: a section counts if its name, wildcards included,
-matches the node's fully qualified name; a later section wins over an earlier one, and a section
-has the place of its first appearance in all the files.  rcl's choice is never changed.  Beyond it:
+Sections are chosen and ordered as in rcl: a section applies if its name, wildcards included,
+matches the node's fully qualified name; a later section overrides an earlier one, and a section
+keeps the position of its first appearance in all the files.  In addition:
 
-- A section named after the role alone (``plant``) holds for that role in every namespace and under
-  every name, below whatever rcl chooses.  So one scenario serves any arm of a graph.
-- The sections of the other roles in the node's namespace are read too where they name the role:
-  an external node tells no parameters, so that a file is all that is known of it.
+- A section named after the role alone (``plant``) applies to that role in every namespace and
+  under every name, with lower priority than rcl's.  So one scenario serves any arm of a graph.
+- Sections of the other roles in the node's namespace are read too if they name the role: an
+  external node reports no parameters, so that a file is the only source.
 - An unknown key is an error, since rclpy would ignore a typing mistake.  In a section that ends
-  with a wildcard, which other nodes share, the keys of our other nodes are passed over; and where
-  the file also has sections of nodes that are not ours, so that it is meant for them too, any key
-  that is not nearly one of this node's (reported).
+  with a wildcard, which applies to other nodes too, keys of the package's other nodes are skipped;
+  and if the file also has sections of external nodes, so are keys that do not resemble one of this
+  node's (with a note).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, show, Tree
 
 PARAMETERS = 'ros__parameters'
 UNSET = 'null'
-"""What `ros2 param dump` writes for a parameter without a value."""
+"""The text of `ros2 param dump` for a parameter without a value."""
 
 
 @dataclass(frozen=True)
@@ -58,16 +58,16 @@ class NodeName:
     name: str
     """Fully qualified, after remapping."""
     own: Collection[str] = ()
-    """Keys that are no part of a scenario."""
+    """Keys that do not belong to a scenario."""
     others: Map[str, Collection[str]] = field(default_factory=dict)
-    """Such keys of our other nodes, by role."""
+    """Such keys of the package's other nodes, by role."""
     flies: bool = True
-    """Whether the node reads a scenario; if not, it takes its own keys only."""
+    """Whether the node reads a scenario; if not, it reads its own keys only."""
 
 
 @dataclass(frozen=True)
 class Given:
-    """A value and where it was given: the file, and how many come before it."""
+    """A value and its source: the file, and the number of sources before it."""
 
     tree: Tree
     place: str
@@ -84,27 +84,27 @@ _LIST = '; see `ros2 param list`, or the README'
 
 @dataclass
 class NodeParameters:
-    """What parameter files and the command line give to a node, before defaults."""
+    """Values from parameter files and the command line, before defaults."""
 
     own: dict[str, Given] = field(default_factory=dict)
     scenario: dict[tuple[str, str], Given] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    """What the user may not expect: values that are not used, one line each."""
+    """Notes for the user on values that are not used, one line each."""
     whole: bool = False
     """Whether sections of other roles were given."""
 
     @property
     def torque_base(self) -> Path:
-        """Return the directory to which the path of the torque file is relative."""
+        """Return the directory of relative paths of the torque file."""
         given = self.scenario.get(('controller', 'torque_file'))
         return Path() if given is None or given.file is None else given.file.resolve().parent
 
     def config(self) -> RunConfig:
         """
-        Return the scenario, defaults filled in; ScenarioError if it is not allowed.
+        Return the scenario, defaults filled in; ScenarioError if it is invalid.
 
-        Whether the parts fit together is judged only if other roles' sections were given: else
-        their parameters are known once their nodes tell them
+        Consistency of the sections is checked only if those of other roles were given; otherwise
+        these parameters are known once their nodes report them
         (`flexarm_ros.nodes.runtime.config_exchange`).
         """
         values = {where: given.tree for where, given in self.scenario.items()}
@@ -118,7 +118,7 @@ class NodeParameters:
 
 
 def matches(section: str, name: str) -> bool:
-    """Whether rcl gives a node of the fully qualified ``name`` the section."""
+    """Whether rcl applies the section to a node with the fully qualified ``name``."""
     pattern = re.escape(section if section.startswith('/') else f'/{section}')
     pattern = pattern.replace(r'/\*', r'(/\w+)').replace(r'\*', '*')
     return re.fullmatch(pattern, name, re.ASCII) is not None
@@ -166,9 +166,9 @@ def read_node(
     files: Iterable[PathLike], node: NodeName, assignments: Iterable[tuple[str, str]] = ()
 ) -> NodeParameters:
     """
-    Return what ``files`` give to ``node``, and after them ``assignments`` of ``(key, YAML)``.
+    Return the values of ``files`` for ``node``, overridden by ``assignments`` of ``(key, YAML)``.
 
-    Raises ScenarioError, one line, for an unknown key and for what is not a parameter file.
+    Raises ScenarioError, one line, for an unknown key or an invalid parameter file.
     """
     sections = read_sections(files)
     found = NodeParameters()
@@ -197,13 +197,13 @@ def read_node(
 
 
 def _chosen(sections: dict[str, Section], role: str, name: str) -> list[str]:
-    """Return the sections of a node, the one that wins last."""
+    """Return the sections of a node, in order of ascending priority."""
     matching = [section for section in sections if matches(section, name)]
     return [role, *matching] if role in sections and role not in matching else matching
 
 
 def _shared_files(sections: dict[str, Section], node: NodeName) -> Files:
-    """Return the files that have a section of a node that is not ours."""
+    """Return the files that have a section of an external node."""
     ours = {*SECTIONS, *node.others, '*', '**'}
     return {
         given.file
@@ -216,7 +216,7 @@ def _shared_files(sections: dict[str, Section], node: NodeName) -> Files:
 def _take(
     found: NodeParameters, node: NodeName, section: str, keys: Section, shared: Files = ()
 ) -> None:
-    """Add a section's keys to what the node has."""
+    """Add a section's keys to the node's values."""
     known = specs(SECTIONS[node.role]) if node.flies and node.role in SECTIONS else {}
     run = specs(SECTIONS[WHOLE_RUN]) if node.flies else {}
     for key, given in keys.items():
@@ -244,7 +244,7 @@ def _pass_over(
     wildcard: bool,
     shared: Files,
 ) -> None:
-    """Pass over a key that is not the node's; ScenarioError if it must not stand there."""
+    """Skip a key that is not the node's; ScenarioError if it is not allowed there."""
     elsewhere = _elsewhere(node, key)
     if is_of_ros(key) or (wildcard and elsewhere):
         return
@@ -254,14 +254,14 @@ def _pass_over(
 
 
 def _elsewhere(node: NodeName, key: str) -> str:
-    """Return a hint to another role that has the key; empty: none of ours has."""
+    """Return a hint to another role that has the key, empty if there is none."""
     places = [(role, specs(kind)) for role, kind in SECTIONS.items()]
     names = [f'{role}.{key}' for role, keys in (*places, *node.others.items()) if key in keys]
     return f"; did you mean '{names[0]}'?" if names else ''
 
 
 def _put(found: NodeParameters, section: str, keys: Section) -> None:
-    """Set keys of the scenario; what a dump shows as without a value is left out again."""
+    """Set keys of the scenario; keys without a value in a dump are removed."""
     for key, given in keys.items():
         default = specs(SECTIONS[section])[key][2]
         found.scenario.pop((section, key), None)

@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-The scenario of a bag, in which a newer version or a package that is not here may have written.
+The scenario in a bag, possibly written by a newer version or with packages not installed here.
 
-What this version does not know is left out and said; nothing that a bag names is imported.
+Parts that this version does not know are left out and reported; nothing that a bag names is
+imported.
 """
 
 from __future__ import annotations
@@ -36,16 +37,16 @@ from flexarm_ros.scenario.reader import (
 from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, Tree
 
 RECORDER = 'recorder'
-"""The section of which no message depends."""
+"""The section that no message depends on."""
 
 
 @dataclass(frozen=True)
 class Recorded:
     """
-    A recorded scenario as far as it is known here.
+    A recorded scenario as far as this version knows it.
 
-    ``unknown``: section -> what of it is not.  An unknown ``controller.law`` keeps its name in
-    ``config``, of which then no law can be made.
+    ``unknown``: section -> its unknown parts.  An unknown ``controller.law`` keeps its name in
+    ``config``, for which no law can be created.
     """
 
     config: RunConfig
@@ -56,10 +57,9 @@ def from_recorded(
     text: str, torques: Iterable[Iterable[float]] = (), name: str = 'scenario'
 ) -> Recorded:
     """
-    Read the scenario's text of a bag; raises ScenarioError where it is no scenario.
+    Read the scenario's text in a bag; raises ScenarioError if it is invalid.
 
-    That is for what is wrong in a section that is known: a bad value is no sign of another
-    version.
+    It is invalid if a known section is wrong: a bad value does not indicate another version.
     """
     rows = tuple(tuple(row) for row in torques)
     try:
@@ -108,7 +108,7 @@ def _known_values(tree: Tree | None) -> tuple[Values, dict[str, list[str]]]:
 
 
 def _flat(section: str, tree: Mapping, prefix: str) -> Iterator[tuple[str, Tree]]:
-    """Yield dotted keys: those that are known, and of an unknown map its name alone."""
+    """Yield dotted keys: known ones, and for an unknown map only its name."""
     known = specs(SECTIONS[section])
     for part, value in tree.entries.items():
         key = prefix + part
@@ -119,7 +119,7 @@ def _flat(section: str, tree: Mapping, prefix: str) -> Iterator[tuple[str, Tree]
 
 
 def _not_a_choice(section: str, key: str, value: Tree) -> bool:
-    """Return whether a text is none of those that the key takes here."""
+    """Return whether a text is not one of the key's choices here."""
     choices = specs(SECTIONS[section])[key][1].choices
     text = value.value if isinstance(value, Scalar) else None
     return bool(choices) and isinstance(text, str) and text not in choices

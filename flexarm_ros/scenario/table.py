@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The README's table of parameters, printed from their definitions.
+The README's table of parameters, generated from their definitions.
 
 ``python -m flexarm_ros.scenario.table`` prints it; ``python -m flexarm_ros.scenario.table
-README.md`` puts it between the lines ``<!-- parameters -->`` and ``<!-- /parameters -->``.
+README.md`` inserts it between the lines ``<!-- parameters -->`` and ``<!-- /parameters -->``.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def markdown() -> str:
 
 
 def default_text(default: Any) -> str:
-    """Return a default as it would be written in a scenario; empty where there is none."""
+    """Return a default as written in a scenario; empty if there is none."""
     if default is None:
         return ''
     if isinstance(default, tuple):
@@ -60,7 +60,7 @@ def default_text(default: Any) -> str:
 
 
 def allowed_text(spec: Spec) -> str:
-    """Return what a parameter takes: choices, or type and range."""
+    """Return the values that a parameter accepts: choices, or type and range."""
     if spec.choices:
         return ', '.join(f'`{choice}`' for choice in spec.choices)
     kind = {'float': '', 'int': 'integer', 'bool': 'true, false', 'str': 'text',
@@ -77,7 +77,7 @@ def allowed_text(spec: Spec) -> str:
 
 def with_table(text: str) -> str:
     """
-    Return a document's text with the table of now between its two marks.
+    Return a document's text with the current table between its two marks.
 
     Raises ValueError if the marks are missing.
     """
@@ -98,7 +98,7 @@ def put_between(text: str, begin: str, end: str, block: str) -> str:
 
 
 def main() -> None:
-    """Print the table, or put it into the files that are named."""
+    """Print the table, or insert it into the given files."""
     if len(sys.argv) < 2:
         print(markdown(), end='')
     for name in sys.argv[1:]:

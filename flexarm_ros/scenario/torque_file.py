@@ -41,7 +41,7 @@ def read_torques(path: Path) -> Torques:
 
 
 def parse_torques(text: str, name: str) -> Torques:
-    """Return the rows of a torque file's text; ``name`` stands in the errors."""
+    """Return the rows of a torque file's text; ``name`` is used in errors."""
     reader = csv.reader(io.StringIO(text))
     rows: list[tuple[float, float, float]] = []
     try:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A RunConfig as data and as the parameter file that nodes are given."""
+"""A RunConfig as data and as a parameter file for nodes."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ UNUSED = {
     'tip_sensor': ('measurand', 'latency', 'latency_model', 'noise_std'),
     'trajectory': ('delay',),
 }
-"""Role -> keys that only its node reads; of a role that is not here all.
+"""Role -> keys that only its node reads; a role that is not listed reads all of its section.
 
-The controller reads where the tip sensor is and how often it answers, the plant where the
-trajectory starts.
+The controller reads the location and rate of the tip sensor, the plant the start of the
+trajectory.
 """
 
 _BELIEVE_LATENCY = ('lqg', 'adaptive')
-"""Laws that read the tip sensor's latency for their model of it."""
+"""Laws whose model includes the tip sensor's latency."""
 
 
 def to_dict(config: RunConfig, external: Collection[str] = ()) -> dict[str, dict[str, Any]]:
     """
-    Return ``{section: {key: value}}`` of every parameter, ``None`` where left out.
+    Return ``{section: {key: value}}`` of every parameter, ``None`` if not set.
 
-    The run's own section is ``/**``; arrays are lists.  ``from_dict`` undoes it (the rows
-    of a torque file travel apart, as ``config.torques``).  Parameters that no node reads beside
-    the ``external`` ones (roles) are left out: a section, or keys of it.
+    The section of the run is ``/**``; arrays are lists.  ``from_dict`` undoes it (the rows of a
+    torque file are separate, as ``config.torques``).  Parameters that only the ``external``
+    nodes (roles) would read are left out: a section, or keys of it.
     """
     data: dict[str, dict[str, Any]] = {}
     for section, cls in SECTIONS.items():
@@ -62,11 +62,11 @@ def to_dict(config: RunConfig, external: Collection[str] = ()) -> dict[str, dict
 
 def dump(config: RunConfig, torque_file: str | None = None) -> str:
     """
-    Return the scenario as a ROS 2 parameter file, every value that is not left out.
+    Return the scenario as a ROS 2 parameter file, with every value that is set.
 
-    Floats always have a decimal point, so that rcl and PyYAML read a double, exactly the
-    one held.  ``torque_file`` replaces the path of the torque file (nodes are given one
-    that exists; in a bag it is only a name).
+    Floats always have a decimal point, so that rcl and PyYAML read exactly the same double.
+    ``torque_file`` replaces the path of the torque file (an existing one for nodes; in a bag
+    it is only a name).
     """
     document: dict[str, Any] = {}
     for section, keys in to_dict(config).items():
@@ -79,10 +79,10 @@ def dump(config: RunConfig, torque_file: str | None = None) -> str:
 
 def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
     """
-    Return ``to_dict`` with what was left out as it is then taken.
+    Return ``to_dict`` with the derived defaults filled in.
 
-    Integrator steps a tick, limits of deflection, pose and rates at the start and the held point
-    are filled in; what stays ``None`` has no meaning in this scenario.
+    These are integration steps per tick, limits of deflection, initial pose and rates, and the
+    held point; what stays ``None`` has no meaning in this scenario.
     """
     from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
     from flexarm_ros.core.run.make_plant import highest_frequency

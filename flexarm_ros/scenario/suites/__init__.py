@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Suites: many runs with what is expected of each.
+Suites: many runs with their expectations.
 
 Imports core and the reading of YAML.
 """

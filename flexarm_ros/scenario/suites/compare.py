@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Comparisons between the metrics of several runs, the claims of a suite."""
+"""Comparisons between the metrics of several runs, as in the claims of a suite."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _RELATIONS: dict[type, Callable[[Any, Any], bool]] = {
 }
 _FUNCTIONS: dict[str, Callable[..., float]] = {'abs': abs, 'min': min, 'max': max}
 MAX_COMPARISON = 500
-"""Longest text of a comparison."""
+"""Longest text of a comparison, characters."""
 
 
 class _Missing(Exception):
@@ -55,8 +55,8 @@ class Comparison:
     """
     A relation between metrics of cases, ``fls_tip.max_overshoot < pd_tip.max_overshoot``.
 
-    Both sides are built of ``case.metric``, ``case.metric[index]``, numbers, ``+ - * /``,
-    brackets, ``abs``, ``min`` and ``max``.  A case whose name is no plain word is written
+    Both sides consist of ``case.metric``, ``case.metric[index]``, numbers, ``+ - * /``,
+    brackets, ``abs``, ``min`` and ``max``.  A case whose name is not an identifier is written
     ``case("name").metric``.
     """
 
@@ -64,7 +64,7 @@ class Comparison:
 
     @classmethod
     def parse(cls, text: str, cases: Iterable[str], where: str) -> Comparison:
-        """Check a comparison's text against the names of the cases; ScenarioError if wrong."""
+        """Parse a comparison, checking the names of cases; ScenarioError if invalid."""
         made = cls(text)
         try:
             compare = made._tree()

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a suite expects of a run's metrics.
+Expectations of a suite on a run's metrics.
 
-A metric is a key of ``summary.json``.  A metric with several values
-(``overshoot``: one a direction switch) is expected item by item, or one of it is meant with
-an index from 0, ``overshoot[1]``.
+A metric is a key of ``summary.json``.  For a metric with several values (``overshoot``: one per
+direction switch) all are given in order, or one is selected by an index from 0,
+``overshoot[1]``.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ METRICS = (
     'max_overshoot', 'tip_overshoot', 'max_deflection', 'max_torque', 'ticks', 'wall_s', 'rtf',
     'complete', 'unstable_tick', 'problem', 'status',
 )  # fmt: skip
-"""Names that may be expected: those of ``summary.json``, and ``status``, the exit status
-that the run alone would have had."""
+"""Names that may be expected: those of ``summary.json``, and ``status``, the exit status of the
+run alone."""
 
 _REFERENCE = re.compile(r'([A-Za-z_][A-Za-z0-9_]*)(?:\[(\d{1,4})\])?')
 _COMPARE: dict[str, tuple[str, Callable[[Any, Any], bool]]] = {
@@ -69,7 +69,7 @@ def known_metric(name: str, where: str) -> tuple[str, int | None]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Whether an expectation holds (``None``: a number is missing), and why, in a line."""
+    """Whether an expectation holds (``None``: a number is missing), and a line of explanation."""
 
     holds: bool | None
     text: str
@@ -87,7 +87,7 @@ class Expectation:
 
     @property
     def name(self) -> str:
-        """Return the metric as it is written, with its index."""
+        """Return the metric as written, with its index."""
         return self.metric if self.index is None else f'{self.metric}[{self.index}]'
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ class Expectation:
         """
         Compare with a run's metrics.
 
-        A metric that is not known fulfils ``null`` and every ``ne`` but that of ``null``.
+        An unknown metric fulfils ``null`` and every ``ne`` except that of ``null``.
         """
         found = lookup(metrics, self.metric, self.index)
         if found is None and (self.op == 'ne' or (self.op == 'eq' and self.value is None)):
@@ -145,7 +145,7 @@ def lookup(metrics: Metrics, name: str, index: int | None) -> Any:
 
 
 def format_value(value: Any) -> str:
-    """Return a metric's value in few digits."""
+    """Return a metric's value with few digits."""
     if isinstance(value, float):
         return f'{value:.6g}'
     if isinstance(value, (list, tuple)):

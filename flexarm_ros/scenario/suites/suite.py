@@ -13,17 +13,17 @@
 # limitations under the License.
 
 """
-Suite files: many scenarios, what is expected of each, and claims about them together.
+Suite files: many scenarios, their expectations, and claims about several of them.
 
 A suite is a YAML file::
 
     # One line that describes it
-    defaults:                       # of every case; a case's own come after
+    defaults:                       # for every case; those of a case are applied after them
       set: {duration: 4}
       expect: {stable: true}
     cases:
       - scenario: fls_tip           # a shipped name, or a file relative to the suite
-        name: fls                   # left out: the scenario's name
+        name: fls                   # default: the scenario's name
         mode: run                   # run (processes, default), compose or simulate
         set: {controller.kp: 100}
         grid: {tip_sensor.latency: [0.0, 0.001238]}
@@ -33,10 +33,10 @@ A suite is a YAML file::
       - fls.max_error < pd.max_error
     claims:                         # reported one by one: holds, in part, does not hold
       - claim: the FLS overshoots less
-        verdict: holds              # what is known; another verdict fails the suite
+        verdict: holds              # the expected one; another verdict fails the suite
         checks: [fls.max_overshoot < pd.max_overshoot]
 
-A case with a ``grid`` becomes one case a combination, named ``fls[latency=0.001238]``.
+A case with a ``grid`` becomes one case per combination, named ``fls[latency=0.001238]``.
 """
 
 from __future__ import annotations
@@ -74,10 +74,10 @@ MAX_CASES = 1000
 @dataclass(frozen=True)
 class Fault:
     """
-    Something done to a node at a simulated time.
+    A fault of a node at a simulated time.
 
-    ``kill`` is SIGKILL, ``terminate`` SIGTERM, ``pause`` SIGSTOP for good, ``delay`` SIGSTOP
-    for ``seconds`` of wall time.
+    ``kill`` is SIGKILL, ``terminate`` SIGTERM, ``pause`` SIGSTOP for the rest of the run,
+    ``delay`` SIGSTOP for ``seconds`` of wall time.
     """
 
     at: float
@@ -88,7 +88,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a suite: the scenario, how it is flown and what is expected of it."""
+    """One run of a suite: the scenario, the mode of execution and the expectations."""
 
     name: str
     source: Path
@@ -121,13 +121,13 @@ class Claim:
         return verdict, outcomes
 
     def fails(self, verdict: str) -> bool:
-        """Return whether ``verdict`` fails the suite: it is not what is known."""
+        """Return whether ``verdict`` fails the suite, by differing from the expected one."""
         return verdict == 'not known' or (self.known is not None and verdict != self.known)
 
 
 @dataclass(frozen=True)
 class Suite:
-    """A whole, checked suite file."""
+    """A complete, checked suite file."""
 
     name: str
     description: str
@@ -135,7 +135,7 @@ class Suite:
     compare: tuple[Comparison, ...] = ()
     claims: tuple[Claim, ...] = ()
     paper: bool = False
-    """Whether its claims are the paper's, about our own nodes: it is the shipped one."""
+    """Whether its claims are the paper's, which exclude external nodes: the shipped suite."""
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ def _read_case(tree: Tree, where: str, directory: Path, defaults: _Defaults) -> 
 
 
 def point_name(point: Mapping[str, str]) -> str:
-    """Return a grid point's values as they are added to a case's name."""
+    """Return a grid point's values as appended to a case's name."""
     if not point:
         return ''
     short = {key: key.rpartition('.')[2] for key in point}

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Sweeps: the axes and the points of a grid or a draw.
+Sweeps: the axes and the points of a grid or of random draws.
 
 Imports core and the reading of YAML.
 """

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Values of a sweep's axes: listed, in even steps, or drawn at random.
+Values of a sweep's axes: listed, evenly spaced, or drawn at random.
 
-Steps and draws of times that must be whole nanoseconds are rounded to the nanosecond, those
-of integers to the integer.
+Computed times that must be whole nanoseconds are rounded to the nanosecond, integers to the
+integer.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_VALUES = 100_000
-"""Most values of one axis."""
+"""Largest number of values of one axis."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A key that is swept: where it is and what it takes."""
+    """A key that is swept: its section and its type."""
 
     section: str
     key: str
@@ -60,16 +60,16 @@ class Parameter:
 
     @property
     def name(self) -> str:
-        """Return the dotted name, ``/**`` left out."""
+        """Return the dotted name, without ``/**``."""
         return self.key if self.section == '/**' else full_name(self.section, self.key)
 
     def value_of(self, config: RunConfig) -> Any:
-        """Return what a scenario gives it."""
+        """Return its value in a scenario."""
         field = specs(SECTIONS[self.section])[self.key][0]
         return getattr(getattr(config, FIELD_OF[self.section]), field)
 
     def number_text(self, value: float) -> str:
-        """Return a computed number as it is set: rounded to what the key can take."""
+        """Return a computed number as text, rounded to what the key accepts."""
         if self.spec.kind == 'int':
             return str(round(value))
         if self.spec.whole_ns:
@@ -78,7 +78,7 @@ class Parameter:
         return float_text(value)
 
     def override(self, text: str) -> str:
-        """Return a value's text as an override; one number stands for both of an array of two."""
+        """Return an override with a value's text; one number sets both entries of a pair."""
         both = self.spec.kind == 'float2' and not text.startswith('[')
         return f'{full_name(self.section, self.key)}={f"[{text}, {text}]" if both else text}'
 
@@ -170,7 +170,7 @@ def _by_count(low: Fraction, high: Fraction, count: int, log: bool, where: str) 
 
 @dataclass(frozen=True)
 class Draw:
-    """How one parameter is drawn: ``kind`` and its arguments."""
+    """The distribution of one parameter: ``kind`` and its arguments."""
 
     parameter: Parameter
     kind: str
@@ -179,10 +179,10 @@ class Draw:
 
     def texts(self, count: int, seed: int, config: RunConfig) -> list[str]:
         """
-        Return ``count`` values as texts, the same for one seed whoever asks.
+        Return ``count`` values as texts, determined by the seed.
 
-        Each parameter has a generator of its own, seeded by ``seed`` and its name, so that
-        adding one leaves the others' values.
+        Each parameter has its own generator, seeded by ``seed`` and its name, so that adding
+        one does not change the others' values.
         """
         import numpy as np
 
@@ -214,7 +214,7 @@ _DRAWS: dict[str, Callable[[np.random.Generator, Any, Any], NDArray[np.float64]]
 
 
 def read_draw(name: str, tree: Tree, config: RunConfig, where: str) -> Draw:
-    """Read how a parameter is drawn, ``{uniform: [low, high]}`` and its like."""
+    """Read the distribution of a parameter, such as ``{uniform: [low, high]}``."""
     parameter = Parameter.named(name)
     kinds = (*_DRAWS, 'choice')
     entries = dict(as_map(tree, where, (*kinds, 'independent')))

@@ -22,20 +22,20 @@ A sweep is a YAML file::
     set: {duration: 16}
     grid:
       tip_sensor.latency: {from: 0.0, to: 0.05, count: 11}       # or step, or scale: log
-      plant.hub_inertia: [0, 4, 8]      # one number: both joints; [4, 8]: each
+      plant.hub_inertia: [0, 4, 8]      # one number for both joints; [4, 8]: one each
     draw:
-      count: 100                        # for each point of the grid, the same ones
+      count: 100                        # the same draws at each point of the grid
       seed: 1
       parameters:
         plant.flexural_rigidity: {factor: [0.9, 1.1]}            # of the scenario's value
         controller.kp: {normal: [150, 10]}
-        plant.length: {uniform: [4.4, 4.6], independent: true}   # each link its own
+        plant.length: {uniform: [4.4, 4.6], independent: true}   # each link separately
         trajectory.time_law: {choice: [constant, smooth]}
         seed: {integers: [0, 1000]}
-    tie: {trajectory.delay: tip_sensor.latency}    # takes the value that the other one has
-    map: {x: tip_sensor.latency, y: plant.hub_inertia, value: max_error}   # the pictures
+    tie: {trajectory.delay: tip_sensor.latency}    # takes the value of the other parameter
+    map: {x: tip_sensor.latency, y: plant.hub_inertia, value: max_error}   # for the figures
 
-Times that must be whole nanoseconds are rounded to the nanosecond where they are computed.
+Computed times that must be whole nanoseconds are rounded to the nanosecond.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ MAX_DRAWN = 500_000
 @dataclass(frozen=True)
 class SweepCase:
     """
-    One run of a sweep: what differs in it, ``{name: text}``, and how it is set.
+    One run of a sweep: the values that differ in it, ``{name: text}``, and its overrides.
 
-    ``base`` is the number of its scenario in ``Sweep.bases``, to which ``overrides`` are
+    ``base`` is the index of its scenario in ``Sweep.bases``, to which ``overrides`` are
     added.
     """
 
@@ -78,7 +78,7 @@ class SweepCase:
 
 @dataclass(frozen=True)
 class Map:
-    """What the pictures show: the value over x and y (``y`` empty: a curve over x)."""
+    """Axes and value of the figures: the value over x and y (``y`` empty: a curve over x)."""
 
     x: str
     y: str
@@ -88,10 +88,10 @@ class Map:
 @dataclass(frozen=True)
 class Sweep:
     """
-    A whole, checked sweep file; ``case(i)`` for i below ``count`` gives its runs.
+    A complete, checked sweep file; ``case(i)`` for i below ``count`` gives its runs.
 
-    ``scenarios`` are names, ``bases`` what they hold, ``set`` included.  ``axes`` are the
-    grid's and ``draws`` the drawn values, ``{name: texts}``, the latter ``samples`` long.
+    ``scenarios`` are names, ``bases`` the scenarios with ``set`` applied.  ``axes`` are those
+    of the grid and ``draws`` the drawn values, ``{name: texts}``, each of length ``samples``.
     """
 
     name: str
@@ -111,7 +111,7 @@ class Sweep:
 
     @property
     def points(self) -> int:
-        """Return the number of points of the grid, each scenario's; a run is a draw at one."""
+        """Return the number of grid points of all scenarios; each has a run per draw."""
         total = len(self.scenarios)
         for values in self.axes.values():
             total *= len(values)
@@ -119,11 +119,11 @@ class Sweep:
 
     @property
     def columns(self) -> list[str]:
-        """Return the names of what differs from run to run."""
+        """Return the names of the values that differ from run to run."""
         return ['scenario', *self.axes, *self.draws, *self.ties]
 
     def case(self, index: int) -> SweepCase:
-        """Return run ``index``: scenarios run slowest, then the grid's axes, draws fastest."""
+        """Return run ``index``: scenarios vary slowest, then the grid's axes, draws fastest."""
         point, sample = divmod(index, self.samples)
         base, values = self._grid_values(point)
         values |= {name: texts[sample] for name, texts in self.draws.items()}
@@ -133,13 +133,13 @@ class Sweep:
         return SweepCase(index, base, {'scenario': self.scenarios[base], **shown}, settings)
 
     def point(self, number: int) -> tuple[int, tuple[str, ...]]:
-        """Return a grid point's scenario in ``bases`` and its overrides, without any draw."""
+        """Return a grid point's scenario (index in ``bases``) and its overrides, without draws."""
         base, values = self._grid_values(number)
         values |= {name: values[other] for name, other in self.ties.items() if other in values}
         return base, tuple(Parameter.named(name).override(text) for name, text in values.items())
 
     def axis_text(self, name: str, point: int) -> str:
-        """Return the text that an axis has at a point of the grid."""
+        """Return the text of an axis at a point of the grid."""
         return self._grid_values(point)[1][name]
 
     def _grid_values(self, point: int) -> tuple[int, dict[str, str]]:
@@ -150,7 +150,7 @@ class Sweep:
         return point, {name: values[name] for name in self.axes}
 
     def digest(self) -> str:
-        """Return a SHA-256 of everything that decides the results, scenarios included."""
+        """Return a SHA-256 of everything that determines the results, scenarios included."""
         held = [
             self.scenarios, [(dump(base), base.torques) for base in self.bases],
             list(self.axes.items()), list(self.draws.items()), self.samples,
@@ -163,8 +163,8 @@ def load(path_or_name: str | Path) -> Sweep:
     """
     Read a sweep: a file, or the bare name of a shipped one.
 
-    Keys, listed values and the scenarios are checked; whether each combination of values
-    fits together is found when it is run.  Raises ScenarioError, one line.
+    Keys, listed values and the scenarios are checked; whether a combination of values is
+    consistent is checked when it is run.  Raises ScenarioError, one line.
     """
     path = find(path_or_name, shipped_sweeps())
     text = read_text(path, MAX_BYTES)

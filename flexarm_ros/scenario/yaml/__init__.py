@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-YAML as rcl reads it, and the checks of its values.
+YAML as read by rcl, and the checks of its values.
 
 Imports core.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One value of a scenario: from a tree to the type that its Spec asks for."""
+"""Conversion of one value of a scenario from a tree to the type of its Spec."""
 
 from __future__ import annotations
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-YAML as rcl's parameter parser reads it, and a writer that rcl and PyYAML read alike.
+YAML as rcl's parameter parser reads it, and a writer whose output rcl and PyYAML read alike.
 
-rcl decides what a scalar is with ``strtoll`` and ``strtod`` (rcl_yaml_param_parser,
-``get_value``), not with YAML's own rules: ``1e-3`` and ``0x1p-3`` are numbers, ``010`` is
-8, ``1_000`` and ``null`` are texts.  It knows no aliases and no empty values.
+rcl determines the type of a scalar with ``strtoll`` and ``strtod`` (rcl_yaml_param_parser,
+``get_value``), not by the rules of YAML: ``1e-3`` and ``0x1p-3`` are numbers, ``010`` is 8,
+``1_000`` and ``null`` are strings.  Aliases and empty values are not supported.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MAX_DEPTH = 16
 """Deepest nesting of maps and arrays that is read; a scenario needs about five."""
 
 MAX_NODES = 100_000
-"""Most values of a document: what takes longer to read than anyone would wait."""
+"""Largest number of values of a document, to limit the time of reading."""
 
 PlainValue = bool | int | float | str
 
@@ -90,17 +90,16 @@ Tree = Scalar | Sequence | Mapping
 
 def resolve(text: str, quoted: bool = False) -> PlainValue:
     """
-    Return what rcl takes a scalar's text for.
+    Return a scalar's value as rcl reads it.
 
-    Numbers out of a double's or an int64's range set ``errno`` in C, whereupon rcl falls
-    back to the next type: too large an integer is a double, ``1e400`` and ``1e-320`` are
-    texts.
+    Numbers out of the range of a double or int64 set ``errno`` in C, and rcl falls back to the
+    next type: too large an integer becomes a double, ``1e400`` and ``1e-320`` become strings.
     """
     if quoted:
         return text
     if text in _BOOLS:
         return _BOOLS[text]
-    if len(text) > 4000:  # no number is that long; keeps int() and float() quick
+    if len(text) > 4000:  # longer than any number; keeps int() and float() fast
         return text
     integer = _integer(text)
     if integer is not None:
@@ -150,9 +149,8 @@ def parse(text: str) -> Tree | None:
     """
     Read one YAML document; ``None`` if it is empty.
 
-    Raises ScenarioError (one line, with the line's number) for what is not YAML, for
-    aliases, keys given twice, empty values, several documents and nesting past
-    ``MAX_DEPTH``.
+    Raises ScenarioError (one line, with the line number) for invalid YAML, aliases, repeated
+    keys, empty values, several documents and nesting deeper than ``MAX_DEPTH``.
     """
     try:
         return _Builder(text).build()
@@ -167,7 +165,7 @@ def parse(text: str) -> Tree | None:
     except (UnicodeError, ValueError, OverflowError, IndexError, RecursionError) as error:
         if isinstance(error, ScenarioError):
             raise
-        # PyYAML lets some of these through for malformed escapes and version directives.
+        # PyYAML does not catch some of these for malformed escapes and version directives.
         raise ScenarioError(f'not valid YAML: {clip(str(error))}') from None
 
 
@@ -270,7 +268,7 @@ def plain(tree: Tree) -> Any:
 
 
 def tree_of(value: Any) -> Tree:
-    """Return Python data as a tree, as if it had been read; the inverse of ``plain``."""
+    """Return Python data as a tree, as if read from YAML; the inverse of ``plain``."""
     if hasattr(value, 'tolist'):  # numpy's arrays and scalars
         value = value.tolist()
     if isinstance(value, dict):
@@ -283,7 +281,7 @@ def tree_of(value: Any) -> Tree:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes no anchors: rcl knows none."""
+    """Writes no anchors, which rcl does not support."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -334,9 +332,9 @@ def _keys(data: Any) -> Any:
 
 def quoted(value: Any) -> str:
     """
-    Return ``value`` (texts, numbers, lists, maps) on one line of ASCII, as JSON and YAML have it.
+    Return ``value`` (texts, numbers, lists, maps) on one line of ASCII, valid JSON and YAML.
 
-    But characters beyond U+FFFF are as they are: YAML refuses JSON's pairs of surrogates.
+    Only characters beyond U+FFFF are kept: YAML rejects JSON's surrogate pairs.
     """
     return ''.join(
         c if c < '\x7f' or c > '\uffff' else f'\\u{ord(c):04x}'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Helpers that read suites and sweeps from a tree, with one line for what is wrong."""
+"""Readers of suites and sweeps from a tree, with one-line errors."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def as_list(tree: Tree, where: str) -> tuple[Tree, ...]:
 
 
 def as_text(tree: Tree, where: str, choices: Iterable[str] = ()) -> str:
-    """Return a text, one of ``choices`` if given; ``on`` or ``5`` count as what is written."""
+    """Return a text, one of ``choices`` if given; ``on`` or ``5`` count as written."""
     choices = list(choices)
     if not isinstance(tree, Scalar) or not tree.text.strip():
         raise ScenarioError(f'{where}: {show(tree)} is not a text')
@@ -125,6 +125,6 @@ def grid_of(tree: Tree, where: str, limit: int) -> dict[str, tuple[str, ...]]:
 
 
 def combinations(axes: dict[str, tuple[str, ...]]) -> Iterator[dict[str, str]]:
-    """Yield every combination of a grid, the last key running fastest."""
+    """Yield every combination of a grid, the last key varying fastest."""
     for values in itertools.product(*axes.values()):
         yield dict(zip(axes, values, strict=True))
