@@ -59,7 +59,6 @@ REQUIREMENTS = [
     'lz4',
     'matplotlib>=3.5',
     'mcap',
-    'mcap-ros2-support',
     'networkx',  # imported by skfuzzy.control
     'numba>=0.57',
     'numpy>=1.22',
@@ -89,6 +88,7 @@ EXTRAS = {
         'colcon-common-extensions',  # the tests install the package as a full ROS 2 does
         'distributed',  # else the test of a Dask cluster is skipped
         'hypothesis',
+        'mcap-ros2-support',  # reads our bags in tests
         'mpmath',  # true values of sines and logarithms, in tests
         'mypy',
         'pyarrow',  # else the tests of Parquet files are skipped
@@ -101,7 +101,7 @@ EXTRAS = {
         'websockets',  # a browser's side of the live view, in tests
     ],
     # By this name `colcon test` tells that pytest is to run.
-    'test': ['hypothesis', 'mpmath', 'pytest'],
+    'test': ['hypothesis', 'mcap-ros2-support', 'mpmath', 'pytest'],
     'docs': DOCS,
     'view': VIEW,
     'notebook': NOTEBOOK,
