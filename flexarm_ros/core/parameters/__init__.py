@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a scenario may say: every key with its type, unit, range and meaning.
+Parameters of a scenario: every key with its type, unit, range and description.
 
 Imports nothing else of this package.
 """

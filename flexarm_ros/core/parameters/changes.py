@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters that change while a run goes on: what, to which value, from which tick on."""
+"""Parameters that change during a run: key, value and first tick."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 
 class Change(NamedTuple):
-    """``node.key`` has ``value`` from ``tick`` on (in SI units, as in a scenario)."""
+    """``node.key`` has ``value`` from ``tick`` on (SI units, as in a scenario)."""
 
     tick: int
     node: str
@@ -30,7 +30,7 @@ class Change(NamedTuple):
 
 
 class Agenda:
-    """Changes in order of ticks; of equal ticks in the order that they came in."""
+    """Changes in order of ticks; those of equal ticks in order of arrival."""
 
     def __init__(self, changes: Iterable[Change]) -> None:
         self._left = sorted(changes, key=lambda change: change.tick)[::-1]
@@ -40,7 +40,7 @@ class Agenda:
         return self._left[-1].tick if self._left else float('inf')
 
     def due(self, tick: int) -> list[Change]:
-        """Return the changes up to ``tick`` that have not been returned before."""
+        """Return the changes up to ``tick`` that have not been returned yet."""
         found = []
         while self._left and self._left[-1].tick <= tick:
             found.append(self._left.pop())

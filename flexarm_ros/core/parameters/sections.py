@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-Every parameter of a run: name, type, unit, default, range and meaning.
+Every parameter of a run: name, type, unit, default, range and description.
 
-This is the single place where a key of a scenario is defined.  The scenario
-reader checks files against it, the nodes declare their ROS parameters from it
-and the README's table is printed from it.  A class is a node's section; a
-field is a key.  ``key`` in a field's metadata gives the name in the file where
-it differs from the field's own (a law's gain, ``lqg.horizon``).
+This is the single definition of a scenario's keys.  The scenario reader checks files against it,
+the nodes declare their ROS parameters from it and the README's table is generated from it.  A
+class is a node's section; a field is a key.  ``key`` in a field's metadata gives the name in the
+file if it differs from the field's (a law's gain, ``lqg.horizon``).
 """
 
 from __future__ import annotations
@@ -50,14 +49,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class RunParameters:
-    """Section ``/**``: what all nodes of a run share."""
+    """Section ``/**``: parameters of the run as a whole."""
 
     control_period: float = _key(
-        0.001, 'float', 's', 'one tick of the control loop', low=0.0, low_open=True,
+        0.001, 'float', 's', 'control period, one tick', low=0.0, low_open=True,
         high=3600.0, whole_ns=True, paper='0.001',
     )  # fmt: skip
     duration: float = _key(
-        16.0, 'float', 's', 'simulated time of the run, a whole number of ticks', low=0.0,
+        16.0, 'float', 's', 'simulated time of the run, an integer number of ticks', low=0.0,
         low_open=True, high=1.0e7, whole_ns=True, paper='16.0',
     )  # fmt: skip
     sync: str = _key(
@@ -65,21 +64,21 @@ class RunParameters:
         choices=('lockstep', 'free'),
     )  # fmt: skip
     seed: int = _key(0, 'int', '', 'seed of every noise source', low=0, high=2**31 - 1)
-    record: bool = _key(True, 'bool', '', 'the run waits for a recorder; false: it needs none')
+    record: bool = _key(True, 'bool', '', 'true: wait for a recorder; false: run without one')
     start_timeout: float = _key(
-        60.0, 'float', 's', 'wall time that a participant may take to join', low=0.1, high=86400.0
+        60.0, 'float', 's', 'timeout for participants to join, wall time', low=0.1, high=86400.0
     )
     tick_timeout: float = _key(
-        5.0, 'float', 's', 'wall time that a participant may take to answer a tick',
+        5.0, 'float', 's', 'timeout for participants to answer a tick, wall time',
         low=0.01, high=86400.0,
     )  # fmt: skip
     on_invalid: str = _key(
-        'error', 'str', '', 'error: an invalid message ends the run; ignore: count it and go on',
+        'error', 'str', '', 'error: an invalid message ends the run; ignore: it is counted',
         choices=('error', 'ignore'),
     )  # fmt: skip
     clock_rate: float | None = _key(
-        None, 'float', 'Hz', 'messages a second on `/clock`, a whole number of ticks apart, the '
-        'first at tick 0; 0 or left out: every tick', low=0.0, high=1e9,
+        None, 'float', 'Hz', 'rate of `/clock`, an integer number of ticks per message, the first '
+        'at tick 0; 0 or not set: every tick', low=0.0, high=1e9,
     )  # fmt: skip
 
 
@@ -89,22 +88,22 @@ class PlantParameters:
 
     model: str = _key(
         'eq14', 'str', '',
-        'eq14: equation (14) as printed, rigid Coriolis terms only; full: every inertia term '
+        'eq14: equation (14) as printed, rigid Coriolis terms only; full: all inertia terms '
         'and the foreshortening of the links',
         choices=('eq14', 'full'), paper='eq14',
     )  # fmt: skip
-    modes: int = _key(1, 'int', '', 'assumed modes a link', low=1, high=6, paper='1')
+    modes: int = _key(1, 'int', '', 'assumed modes per link', low=1, high=6, paper='1')
     basis: str = _key(
         'arm_modes', 'str', '',
-        "shape functions of the full model: arm_modes fits the arm's own modes best; "
-        "craig_bampton: static shapes and clamped modes; clamped_free: a cantilever's modes",
+        'shape functions of the full model: arm_modes: fitted to the modes of this arm; '
+        'craig_bampton: static shapes and clamped modes; clamped_free: cantilever modes',
         choices=('arm_modes', 'craig_bampton', 'clamped_free'),
     )  # fmt: skip
     length: tuple[float, float] = _key(
         (4.5, 4.5), 'float2', 'm', 'link lengths', low=0.0, low_open=True, high=1e4, paper='4.5'
     )
     mass_density: tuple[float, float] = _key(
-        (0.335, 0.335), 'float2', 'kg/m', 'mass a metre of each link', low=0.0, low_open=True,
+        (0.335, 0.335), 'float2', 'kg/m', 'mass per metre of each link', low=0.0, low_open=True,
         high=1e6, paper='0.335',
     )  # fmt: skip
     flexural_rigidity: tuple[float, float] = _key(
@@ -127,20 +126,20 @@ class PlantParameters:
     )
     damping_ratio: float = _key(0.0, 'float', '', 'modal damping ratio', low=0.0, high=1.0)
     substeps: int | None = _key(
-        None, 'int', '', 'integrator steps a tick; left out: from the highest frequency',
+        None, 'int', '', 'integration steps per tick; default: from the highest frequency',
         low=1, high=100000,
     )  # fmt: skip
     deflection_limit: tuple[float, float] | None = _key(
-        None, 'float2', 'm', 'end deflection of each link beyond which the run is unstable; left '
-        'out: 10/9 of the length of each link',
+        None, 'float2', 'm', 'end deflection of each link beyond which the run is unstable; '
+        'default: 10/9 of the length of each link',
         low=0.0, low_open=True, high=1e5, paper='5',
     )  # fmt: skip
     initial_position: tuple[float, float] | None = _key(
-        None, 'float2', 'rad', 'joint angles at the start; left out: on the reference',
+        None, 'float2', 'rad', 'initial joint angles; default: on the reference',
         low=-1e4, high=1e4,
     )  # fmt: skip
     initial_velocity: tuple[float, float] | None = _key(
-        None, 'float2', 'rad/s', 'joint rates at the start; left out: at rest', low=-1e4, high=1e4
+        None, 'float2', 'rad/s', 'initial joint rates; default: at rest', low=-1e4, high=1e4
     )
 
 
@@ -149,11 +148,11 @@ class EncoderParameters:
     """Section ``encoder``: the joint encoders."""
 
     latency: float = _key(
-        0.0, 'float', 's', 'age of a measurement when it is delivered', low=0.0, high=0.999999999,
+        0.0, 'float', 's', 'age of a measurement at delivery', low=0.0, high=0.999999999,
         whole_ns=True, live=True, paper='0',
     )  # fmt: skip
     resolution: float = _key(
-        0.0, 'float', 'rad', 'angle of one count, 0: ideal', low=0.0, high=1.0, live=True
+        0.0, 'float', 'rad', 'angle of one count; 0: ideal', low=0.0, high=1.0, live=True
     )
     noise_std: float = _key(
         0.0, 'float', 'rad', 'standard deviation of the angle noise', low=0.0, high=1.0, live=True
@@ -165,21 +164,21 @@ class TipSensorParameters:
     """Section ``tip_sensor``: the position sensor on link 2."""
 
     location: float = _key(
-        9.0, 'float', 'm', 'place from the shoulder along the arm, from the elbow to the tip',
+        9.0, 'float', 'm', 'location from the shoulder along the arm, between elbow and tip',
         low=0.0, high=2e4, paper='9.0 or 6.75',
     )  # fmt: skip
     more_locations: tuple[float, ...] | None = _key(
-        None, 'floats', 'm', 'places of further sensors, elbow to tip, for the record only: each '
-        'like the first, with noise of its own, on `tip_sensor/odometry_1` and so on',
+        None, 'floats', 'm', 'locations of further sensors, between elbow and tip, recorded only: '
+        'like the first, with their own noise, on `tip_sensor/odometry_1` and so on',
         low=0.0, high=2e4,
     )  # fmt: skip
     measurand: str = _key(
-        'rigid', 'str', '', 'rigid: kinematics of the joint angles (Figure 4); elastic: where the '
-        'point really is',
+        'rigid', 'str', '', 'rigid: kinematics of the joint angles (Figure 4); elastic: point of '
+        'the bent arm',
         choices=('rigid', 'elastic'),
     )  # fmt: skip
     latency: float = _key(
-        0.0, 'float', 's', 'age of a measurement when it is delivered', low=0.0, high=0.999999999,
+        0.0, 'float', 's', 'age of a measurement at delivery', low=0.0, high=0.999999999,
         whole_ns=True, live=True, paper='(18): 0.001238',
     )  # fmt: skip
     latency_model: str = _key(
@@ -191,7 +190,7 @@ class TipSensorParameters:
         live=True,
     )  # fmt: skip
     rate: float = _key(
-        0.0, 'float', 'Hz', 'samples a second, a whole number of ticks apart; 0: every tick',
+        0.0, 'float', 'Hz', 'sample rate, an integer number of ticks per sample; 0: every tick',
         low=0.0, high=1e9,
     )  # fmt: skip
 
@@ -212,20 +211,20 @@ class TrajectoryParameters:
         12.6, 'float', 'm', 'side of the square', low=0.0, low_open=True, high=1e5, paper='12.6'
     )
     side_time: float = _key(
-        4.0, 'float', 's', 'time of one side', low=0.0, low_open=True, high=1e7, whole_ns=True,
+        4.0, 'float', 's', 'duration of one side', low=0.0, low_open=True, high=1e7, whole_ns=True,
         paper='4.0',
     )  # fmt: skip
     delay: float = _key(
-        0.0, 'float', 's', 'delay of the commanded input (the forward-loop correction)', low=0.0,
+        0.0, 'float', 's', 'delay of the reference (the forward-loop correction)', low=0.0,
         high=1e4, whole_ns=True, live=True, paper='0',
     )  # fmt: skip
     hold_position: tuple[float, float] | None = _key(
-        None, 'float2', 'm', "x, y to hold; left out: the initial pose's end effector, or the "
+        None, 'float2', 'm', 'x, y to hold; default: the end effector of the initial pose, or the '
         "square's lower left corner",
         low=-1e5, high=1e5,
     )  # fmt: skip
     waypoint_times: tuple[float, ...] | None = _key(
-        None, 'floats', 's', 'rising times of the way points, the first 0', low=0.0, high=1e7,
+        None, 'floats', 's', 'ascending times of the way points, the first 0', low=0.0, high=1e7,
         whole_ns=True,
     )  # fmt: skip
     waypoint_x: tuple[float, ...] | None = _key(
@@ -238,7 +237,7 @@ class TrajectoryParameters:
 
 @dataclass(frozen=True)
 class FeedbackParameters:
-    """The control law, and what the paper's take."""
+    """Choice of the control law, and parameters of the paper's laws."""
 
     law: str = _key(
         'fls', 'str', '', 'control law: pd is (20), fls is (21); inverse, passive, lqg, '
@@ -246,7 +245,7 @@ class FeedbackParameters:
         choices=('pd', 'fls', 'open_loop', 'inverse', 'passive', 'lqg', 'adaptive'),
     )  # fmt: skip
     feedback: str = _key(
-        'tip_sensor', 'str', '', 'what closes the loop', choices=('encoder', 'tip_sensor')
+        'tip_sensor', 'str', '', 'sensor that closes the loop', choices=('encoder', 'tip_sensor')
     )
     velocity_source: str = _key(
         'feedback', 'str', '', 'feedback: rates as measured with the position; encoder: '
@@ -269,10 +268,10 @@ class FeedbackParameters:
         high=1e6, live=True, paper='5',
     )  # fmt: skip
     torque_file: str | None = _key(
-        None, 'str', '', 'CSV t,tau1,tau2 of law open_loop, relative to the scenario'
+        None, 'str', '', 'CSV t,tau1,tau2 for law open_loop; path relative to the scenario'
     )
     torque_limit: float = _key(
-        0.0, 'float', 'N m', 'largest torque of each joint, 0: none', low=0.0, high=1e9, live=True
+        0.0, 'float', 'N m', 'torque limit of each joint; 0: none', low=0.0, high=1e9, live=True
     )
 
 
@@ -309,17 +308,17 @@ SECTIONS: dict[str, type] = {
 @dataclass(frozen=True)
 class PaceParameters:
     """
-    How a run's nodes are paced: in section ``/**`` or ``plant``, and the plant's parameters.
+    Pacing of a run's nodes: in section ``/**`` or ``plant``, and parameters of the plant.
 
-    They change no number of a run: a simulation ignores them, and no bag records them.
+    They do not affect the numbers of a run: a simulation ignores them, and no bag records them.
     """
 
     real_time_factor: float = _key(
-        0.0, 'float', '', 'hold the nodes of a run to this multiple of real time; 0: no limit',
+        0.0, 'float', '', 'limit the run to this multiple of real time; 0: no limit',
         low=0.0, high=1e6, live=True,
     )  # fmt: skip
     step_ticks: int = _key(
-        1, 'int', '', 'ticks that the service `plant/step` lets a paused run do', low=1,
+        1, 'int', '', 'ticks of a paused run per call of the service `plant/step`', low=1,
         high=10**9, live=True,
     )  # fmt: skip
     start_paused: bool = _key(
@@ -331,12 +330,12 @@ class PaceParameters:
 @dataclass(frozen=True)
 class RunConfig:
     """
-    A whole, checked scenario: what every layer passes around.
+    A complete, checked scenario, used by all layers.
 
     ``torques`` holds the rows of the torque file, shape ``(rows, 3)`` as
     nested tuples ``(t, tau1, tau2)``, empty unless the law is ``open_loop``.
-    ``changes`` are the live parameters that were set while a recorded run went
-    on; a scenario file has none.  ``pace`` changes no number of the run and is not recorded.
+    ``changes`` are the live parameters that were set during a recorded run; a scenario file has
+    none.  ``pace`` does not affect the numbers of the run and is not recorded.
     """
 
     run: RunParameters = RunParameters()
@@ -352,7 +351,7 @@ class RunConfig:
 
 
 def changed(config: RunConfig, change: Change) -> RunConfig:
-    """Return ``config`` with a live parameter set; ``KeyError`` where there is no such."""
+    """Return ``config`` with a live parameter set; ``KeyError`` if there is none."""
     name, spec, _ = specs(SECTIONS[change.node])[change.key]
     if not spec.live:
         raise KeyError(f'{change.node}.{change.key}')

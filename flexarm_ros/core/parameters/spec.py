@@ -43,13 +43,13 @@ _TYPES: dict[str, tuple[type, ...]] = {
 @dataclass(frozen=True)
 class Spec:
     """
-    What is allowed for one key, and what it means.
+    Allowed values and description of one key.
 
     ``kind`` is one of ``float``, ``int``, ``bool``, ``str``, ``float2`` (an
-    array of two, one value a link or axis) and ``floats`` (any length from 1).
-    ``low`` and ``high`` bound each value; ``low_open`` excludes the bound
-    itself.  ``choices`` lists the allowed texts.  ``live`` marks what may be
-    changed while a run goes on (at a tick boundary).  ``whole_ns`` marks a
+    array of two, one value per link or axis) and ``floats`` (any length from 1).
+    ``low`` and ``high`` bound each value; ``low_open`` excludes the lower
+    bound.  ``choices`` lists the allowed texts.  ``live`` marks parameters that may
+    change during a run (at a tick boundary).  ``whole_ns`` marks a
     time whose decimal text times 1e9 must be an integer.
     """
 
@@ -84,7 +84,7 @@ class Spec:
 
 
 def parameter(default: Any, kind: str, unit: str, doc: str, **rest: Any) -> Any:
-    """Return the field of a key: its default, and its :class:`Spec` from the rest."""
+    """Return the field of a key with its default and its :class:`Spec`."""
     key = rest.pop('key', None)
     spec = Spec(kind, unit, doc, **rest)
     return field(default=default, metadata={'spec': spec, 'key': key})
