@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What a part of a run publishes, in terms of numbers: names of the values, frames, variance.
+Content of the messages of a part: names of the values, frames, variance.
 
-The layer that makes bytes turns these into ROS messages (`flexarm_ros.wire.topics`).
+The wire layer turns these into ROS messages (`flexarm_ros.wire.topics`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LINKS = ('link1', 'link2')
 
 @dataclass(frozen=True)
 class Clock:
-    """A stamp and nothing else."""
+    """Only a stamp."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class PlanarPoint:
 @dataclass(frozen=True)
 class Signal:
     """
-    What a part publishes at each tick: the name of a topic and what is in its message.
+    The output of a part at each tick: the name of a topic and its content.
 
     ``name`` is relative, except ``/clock``.  ``every``: ticks between messages, from tick 0.
     """

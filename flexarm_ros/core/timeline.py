@@ -30,10 +30,10 @@ NS_PER_S = 1_000_000_000
 
 def seconds_to_ns(seconds: float) -> int:
     """
-    Return ``seconds`` as whole nanoseconds, exactly as its decimal text says.
+    Return ``seconds`` as integer nanoseconds, exactly as in its decimal text.
 
-    Raises ``ValueError`` where the text times 1e9 is not an integer, or where
-    ``seconds`` is not finite: nothing is ever rounded.
+    Raises ``ValueError`` if the text times 1e9 is not an integer, or if
+    ``seconds`` is not finite: nothing is rounded.
     """
     scaled = Fraction(Decimal(repr(float(seconds)))) if _finite(seconds) else None
     if scaled is None or (scaled * NS_PER_S).denominator != 1:
@@ -57,8 +57,8 @@ class Timeline:
         """
         Return the timeline of a run.
 
-        Raises ``ValueError``, naming the key, where a time is not a whole
-        number of nanoseconds or the duration not a whole number of ticks.
+        Raises ``ValueError``, naming the key, if a time is not an integer number of
+        nanoseconds or the duration not an integer number of ticks.
         """
         period = named_ns('control_period', run.control_period)
         duration = named_ns('duration', run.duration)
@@ -73,12 +73,12 @@ class Timeline:
 
     @property
     def period(self) -> float:
-        """Return the tick in seconds, for formulas only."""
+        """Return the control period in seconds, for formulas only."""
         return self.period_ns / NS_PER_S
 
     @property
     def duration_ns(self) -> int:
-        """Return the whole run in nanoseconds."""
+        """Return the duration of the run in nanoseconds."""
         return self.period_ns * self.ticks
 
     def stamp_ns(self, k: int) -> int:
@@ -88,9 +88,9 @@ class Timeline:
 
 def ticks_between(key: str, rate: float, period_ns: int) -> int:
     """
-    Return the whole number of ticks between messages at ``rate`` Hz; 1 for 0.
+    Return the integer number of ticks between messages at ``rate`` Hz; 1 for 0.
 
-    Raises ``ValueError``, naming ``key``, where it is not whole, in exact arithmetic.
+    Raises ``ValueError``, naming ``key``, if it is not an integer, in exact arithmetic.
     """
     if rate == 0.0:
         return 1

@@ -15,10 +15,9 @@
 """
 The commanded motion of the end effector: square, hold and way points.
 
-A trajectory is a path of straight sides, each with its own time.  At a way
-point the velocity is already that of the side that begins there.  The delayed
-command (the paper's forward-loop correction) at a time before ``delay`` is the
-start position, at rest, as the delayed feedback before the start is.
+A trajectory is a path of straight sides, each with its own duration.  At a way point the velocity
+is that of the side that begins there.  The delayed command (the paper's forward-loop correction)
+at a time before ``delay`` is the start position, at rest, as for the delayed feedback.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Switch:
-    """A change of direction: when, at which corner, and the old direction (unit vector)."""
+    """A change of direction: time, corner, and the old direction (unit vector)."""
 
     time_ns: int
     x: float
@@ -58,7 +57,7 @@ class Switch:
 
 
 class Path:
-    """The sides of a trajectory; ``lap_ns`` is the period of one that repeats, else 0."""
+    """The sides of a trajectory; ``lap_ns`` is the period of a repeating one, else 0."""
 
     def __init__(self, sides: list[Side], lap_ns: int, smooth: bool) -> None:
         self.sides, self.lap_ns, self._smooth = sides, lap_ns, smooth
@@ -133,7 +132,7 @@ def _corner(side: Side, offset_ns: int) -> Switch:
 
 def rest_to_rest(part: float) -> tuple[float, float, float]:
     """
-    Return share of the way, its rate and second rate at ``part`` of the time, 0 to 1.
+    Return the fraction of the way and its first and second rates at ``part`` of the time, 0 to 1.
 
     The septic 35 p^4 - 84 p^5 + 70 p^6 - 20 p^7: velocity, acceleration and
     jerk vanish at both ends.
@@ -145,7 +144,7 @@ def rest_to_rest(part: float) -> tuple[float, float, float]:
 
 
 def make_path(config: RunConfig) -> Path:
-    """Return the path of ``config``; ``ValueError`` names the key at fault."""
+    """Return the path of ``config``; ``ValueError`` names the invalid key."""
     parameters = config.trajectory
     smooth = parameters.time_law == 'smooth'
     if parameters.kind == 'square':
@@ -225,7 +224,7 @@ class Reference:
 
     def command(self, k: int) -> tuple[float, float, float, float]:
         """
-        Return x, y, vx, vy of ``trajectory.delay`` ago: what the controller is told.
+        Return x, y, vx, vy of ``trajectory.delay`` ago, as sent to the controller.
 
         Before the start: the start position with zero velocity.
         """
@@ -233,22 +232,22 @@ class Reference:
         return self._start if time_ns < 0 else self.path.at(time_ns)[:4]
 
     def set_delay_ns(self, delay_ns: int) -> None:
-        """Change the delay of the command, from the next tick on."""
+        """Change the delay of the command from the next tick on."""
         if delay_ns < 0:
             raise ValueError(f'trajectory.delay: {delay_ns} ns, must be 0 or more')
         self._delay_ns = delay_ns
 
     def retune(self, config: RunConfig) -> None:
-        """Take the live parameters of ``config`` from the next tick on."""
+        """Use the live parameters of ``config`` from the next tick on."""
         self.set_delay_ns(named_ns('trajectory.delay', config.trajectory.delay))
 
 
 def initial_angles(config: RunConfig) -> tuple[float, float]:
     """
-    Return the joint angles of the start, rad: as given, or on the reference.
+    Return the initial joint angles, rad: as given, or on the reference.
 
-    On the reference, the branch with theta2 >= 0 is taken.  Raises
-    ``ValueError``, naming the key, where the reference starts out of reach.
+    On the reference, the branch with theta2 >= 0 is used.  Raises
+    ``ValueError``, naming the key, if the reference starts out of reach.
     """
     if config.plant.initial_position is not None:
         return config.plant.initial_position
@@ -261,9 +260,9 @@ def initial_angles(config: RunConfig) -> tuple[float, float]:
 
 def check_reachable(config: RunConfig) -> None:
     """
-    Raise ``ValueError``, naming the key, where a point of the path is out of reach.
+    Raise ``ValueError``, naming the key, if a point of the path is out of reach.
 
-    The whole path counts, whether or not the run is long enough to fly it.
+    The complete path counts, even if the run ends before.
     """
     low, high = reach(config.plant.length)
     slack = REACH_TOLERANCE * high

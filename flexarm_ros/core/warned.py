@@ -22,13 +22,13 @@ import warnings
 
 def allow_warnings() -> None:
     """
-    Let no warning be raised as an exception in this process from now on; it is shown once.
+    Show warnings once instead of raising them as exceptions in this process.
 
-    ``PYTHONWARNINGS=error`` is meant for a user's own code.  The dependencies warn too, in the
-    middle of an import or of a call from C, where an exception ends a node.
+    ``PYTHONWARNINGS=error`` is meant for a user's own code.  Dependencies warn too, during an
+    import or a call from C, where an exception would end a node.
     """
     filters: Any = [
         ('default' if action == 'error' else action, *rest) for action, *rest in warnings.filters
     ]
-    warnings.resetwarnings()  # makes Python forget what it has decided for each module
+    warnings.resetwarnings()  # makes Python forget its decisions for each module
     warnings.filters = filters

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A recorded run published again, and the seats that it fills for a controller under test.
+Playback of a recorded run, and its lock-step peers for a controller under test.
 
 Imports the runtime of the nodes and bag.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters of the node ``player``: declared, read and checked."""
+"""Parameters of the node ``player``: declaration, reading and checks."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from rclpy.node import Node
 
 
 class PlayerError(Exception):
-    """A parameter of the player that cannot be; one line."""
+    """An invalid parameter of the player; one line."""
 
 
 @dataclass(frozen=True)
 class PlayerOptions:
-    """What the player is to do; see `OWN` for the fields."""
+    """Settings of the player; see `OWN` for the fields."""
 
     bag: str
     rate: float
@@ -52,7 +52,7 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
     """
     Declare the parameters on ``node`` and return their values.
 
-    Integers are taken where a number is due.  Raises PlayerError, one line.
+    Integers are accepted for numbers.  Raises PlayerError, one line.
     """
     try:
         values = declare_own(node, 'player', OWN['player'], argv, flies=False)

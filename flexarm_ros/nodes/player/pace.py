@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When the player's next tick is due: rate, pause, single steps."""
+"""Timing of the player's ticks: rate, pause, single steps."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ import threading
 import time
 
 _LOOK_S = 0.1
-"""Wall time between looks at whether the player is to stop."""
+"""Wall time between checks for a stop of the player."""
 
 
 class Pace:
     """
-    Holds a replay to a multiple of real time; steered from other threads.
+    Paces a replay at a multiple of real time; controlled from other threads.
 
-    ``stopped`` is asked often and ends every wait.  ``rate`` 0 is as fast as
-    it goes.
+    ``stopped`` is called often and ends every wait.  ``rate`` 0 means as fast as possible.
     """
 
     def __init__(self, rate: float, paused: bool, stopped: Callable[[], bool]) -> None:
@@ -44,13 +43,13 @@ class Pace:
         return self._paused
 
     def pause(self, paused: bool) -> None:
-        """Pause, or go on."""
+        """Pause or resume."""
         with self._wake:
             self._paused, self._steps = paused, 0
             self._wake.notify_all()
 
     def step(self) -> bool:
-        """Let one tick go out while paused; False where it is not paused."""
+        """Release one tick while paused; False if not paused."""
         with self._wake:
             if not self._paused:
                 return False
@@ -59,14 +58,14 @@ class Pace:
             return True
 
     def set_rate(self, rate: float) -> None:
-        """Go on at another multiple of real time."""
+        """Continue at another multiple of real time."""
         with self._wake:
             self._rate = rate
             self._wake.notify_all()
 
     def wait(self, seconds: float) -> None:
         """
-        Wait until a tick is due that lies ``seconds`` of simulated time behind the last.
+        Wait for a tick that is ``seconds`` of simulated time after the last one.
 
         The first tick, and the first after a pause, are due at once.
         """
@@ -85,6 +84,6 @@ class Pace:
                     return
                 due = self._due + seconds / self._rate
                 if due <= now:
-                    self._due = max(due, now - _LOOK_S)  # behind: catch up a little only
+                    self._due = max(due, now - _LOOK_S)  # late: catch up only a little
                     return
                 self._wake.wait(min(due - now, _LOOK_S))

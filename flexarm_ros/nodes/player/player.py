@@ -15,9 +15,8 @@
 """
 Node ``player``: publishes a recorded run again, ``/clock`` included.
 
-With ``without: controller`` it plays the plant and the sensors in lock-step and
-leaves the torque to a controller of the user's: each tick goes out when the
-torque of the one before has come.
+With ``without: controller`` it plays the plant and the sensors in lock-step with an external
+controller: each tick is published when the torque of the previous one has arrived.
 """
 
 from __future__ import annotations
@@ -53,14 +52,14 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 _UNACKED = 250
-"""Ticks that may be on their way: a quarter of the writers' history, so none is overwritten."""
+"""Most ticks in transit: a quarter of the writers' history, so that none is overwritten."""
 
 
 class PlayerNode(Node):
     """
-    Plays one bag; see the module's text for its parameters and services.
+    Plays one bag; see the module docstring for its parameters and services.
 
-    ``stop_signal`` (0: none came) ends the replay within a tenth of a second.
+    ``stop_signal`` (0: none received) ends the replay within a tenth of a second.
     """
 
     def __init__(self, argv: list[str]) -> None:
@@ -91,7 +90,7 @@ class PlayerNode(Node):
             ('toggle_paused', self._toggle),
         ):  # fmt: skip
             self.create_service(Trigger, f'~/{name}', action)
-        # Made here, before the services' thread spins: rclpy makes no promise for later.
+        # Created here, before the services' thread spins: rclpy does not support it later.
         self._seat: ControllerSeat | None = None
         if self.options.without:
             if self.reader.gaps:
@@ -109,7 +108,7 @@ class PlayerNode(Node):
         return bool(self.stop_signal) or not self.context.ok()
 
     def _first_tick(self) -> int:
-        """Return the first tick to play: the first that is not before ``start``."""
+        """Return the first tick to play: the first one not before ``start``."""
         first = -(-round(self.options.start * 1e9) // self.timeline.period_ns)
         if first >= self.timeline.ticks:
             end = self.timeline.ticks * self.timeline.period_ns / 1e9
@@ -177,8 +176,8 @@ class PlayerNode(Node):
         """
         Publish the run; returns at its end, or when it is stopped.
 
-        Raises RunFailed where a controller that was waited for did not answer,
-        BagError where the bag is damaged or has nothing to play.
+        Raises RunFailed if the controller did not answer, BagError if the bag is damaged or has
+        nothing to play.
         """
         seat = self._seat
         if seat is None:
@@ -203,12 +202,12 @@ class PlayerNode(Node):
             self.get_logger().info(seat.comparison())
 
     def flush(self) -> None:
-        """Wait until every reader has every message, two seconds at the longest."""
+        """Wait until all readers have all messages, at most two seconds."""
         for publisher in self._outlets.values():
             publisher.wait_for_all_acked(Duration(seconds=2.0))
 
     def _play_once(self, seat: ControllerSeat | None) -> None:
-        own = self.reader.own  # another recorder may begin late, and lose a clock
+        own = self.reader.own  # a bag of another recorder may begin late and lack clocks
         previous = self._first - 1 if own else None
         for tick, messages in self._from_start():
             previous = tick - 1 if previous is None else previous
@@ -254,7 +253,7 @@ def play(argv: list[str]) -> int:
     """
     Run the player with a ROS command line.
 
-    Returns 0 done; 1 the bag is damaged or the controller did not answer; 2
+    Returns 0 when done; 1 if the bag is damaged or the controller did not answer; 2 for
     bad usage, before anything is published; 130, 143 or 129 after a signal.
     """
     try:
@@ -299,7 +298,7 @@ def _complain(error: object, status: int) -> int:
 
 
 def _catch_signals(node: PlayerNode) -> None:
-    """Let SIGINT, SIGTERM and SIGHUP end the replay in good order."""
+    """End the replay in order on SIGINT, SIGTERM and SIGHUP."""
 
     def caught(signum: int, _frame: Any) -> None:
         node.stop_signal = signum

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recorded run in the place of the plant and the sensors, for a controller under test."""
+"""A recorded run in place of the plant and the sensors, for a controller under test."""
 
 from __future__ import annotations
 
@@ -39,11 +39,10 @@ _FOREIGN_GRACE_S = 1.0
 
 class ControllerSeat:
     """
-    The seat that the player leaves empty: waits for the controller and for its torques.
+    The controller's side of a replay: waits for the controller and for its torques.
 
-    The player stands in for every other role of the run, so that a controller
-    node of this package joins as in a live run; any other node that publishes
-    ``joint_command`` will do as well.
+    The player takes every other role of the run, so that a controller node of this package
+    joins as in a live run; any other node that publishes ``joint_command`` works as well.
     """
 
     def __init__(
@@ -89,7 +88,7 @@ class ControllerSeat:
         board.publish(phase=Phase.RUNNING)
 
     def _fault(self) -> str:
-        """Return why the controller and the player can never be connected, empty if they can."""
+        """Return why controller and player can never be connected, empty if they can."""
         node, topic = self._node, self._topic
         fault = publisher_fault(node, topic.name, topic.type_name, self._subscription.qos_profile)
         name = node.resolve_topic_name(topic.name)
@@ -139,14 +138,14 @@ class ControllerSeat:
         )
 
     def comparison(self) -> str:
-        """Return one line on how the torques compare with the recorded ones."""
+        """Return one line that compares the torques with the recorded ones."""
         return (
             f'{self._answered} torques, {self._equal} equal to the recorded ones, '
             f'largest difference {self._largest:.6g} N m'
         )
 
     def leave(self, ticks: int, problem: str = '') -> None:
-        """Tell the controller that the run is over, and what broke it off if anything did."""
+        """Tell the controller that the run is over, and the reason if it broke off."""
         phase = Phase.FAILED if problem else Phase.DONE
         for board in self._boards.values():
             board.publish(phase=phase, last_tick=ticks - 1, text=problem)

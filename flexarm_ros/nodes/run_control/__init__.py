@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The services and the action that pause, step and reset a run.
+Services and an action that pause, step and reset a run.
 
 Imports the runtime of the nodes.
 """

@@ -13,17 +13,16 @@
 # limitations under the License.
 
 """
-Run control as simulators have it: pause, step, reset, speed, state.
+Run control as in simulators: pause, step, reset, speed, state.
 
-The services are in the plant, which alone decides when a tick begins:
-``~/pause`` (std_srvs/SetBool), ``~/step``, ``~/reset`` and ``~/state``
-(std_srvs/Trigger).  How many ticks a step has, and the speed, are the plant's
-parameters ``step_ticks`` and ``real_time_factor``.  Where the package
-simulation_interfaces is installed, its standard services are offered too: see
+The services are in the plant, which alone decides when a tick begins: ``~/pause``
+(std_srvs/SetBool), ``~/step``, ``~/reset`` and ``~/state`` (std_srvs/Trigger).  The number of
+ticks per step and the speed are the plant's parameters ``step_ticks`` and ``real_time_factor``.
+If the package simulation_interfaces is installed, its standard services are offered too: see
 `flexarm_ros.nodes.run_control.simulation_services`.
 
-Services run on the thread that serves parameters; the lock-step loop reads
-what they set between two ticks, under a lock.
+Services run on the thread of the parameter services; the lock-step loop reads their settings
+between two ticks, under a lock.
 """
 
 from __future__ import annotations
@@ -39,21 +38,21 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 WAIT_S = 60.0
-"""Wall time that a service may take at the longest."""
+"""Longest wall time of a service call."""
 
 
 class RunControl:
-    """What the services ask of the plant; `may_begin` is asked before each tick."""
+    """Requests of the services to the plant; `may_begin` is called before each tick."""
 
     def __init__(self, plant: Member) -> None:
         self._plant = plant
         self._lock = threading.Lock()
         self.paused = bool(plant.get_parameter('start_paused').value)
         self._resting = False
-        """Paused, and the last tick that went out has been answered and integrated."""
+        """Paused, and the last published tick has been answered and integrated."""
         self._steps = 0
         self.orders = 0
-        """How often somebody has paused, resumed or reset the run."""
+        """Number of pauses, resumes and resets so far."""
         self._reset_asked = False
         self.reset_wanted = False
         self.rtf = float(plant.get_parameter('real_time_factor').value or 0.0)
@@ -64,16 +63,16 @@ class RunControl:
         plant.create_service(Trigger, '~/state', self._state)
         plant.add_on_set_parameters_callback(self._changed)
 
-    # --- asked by the lock-step loop ---------------------------------------------------
+    # --- called by the lock-step loop --------------------------------------------------
 
     def begin(self, tick: int) -> None:
-        """Count the wall clock's time from ``tick`` on."""
+        """Start timing by the wall clock at ``tick``."""
         self._anchor = (time.monotonic(), tick)
 
     def may_begin(self, tick: int) -> bool:
-        """Whether ``tick`` may go out now: not paused, and due by the speed asked for."""
+        """Whether ``tick`` may be published now: not paused, and due at the requested speed."""
         if self._reset_asked:
-            # The tick before is answered: no message of an external node is on its way any more.
+            # The previous tick is answered: no message of an external node is in transit.
             self.reset_wanted = True
             self._reset_asked = False
         if self.reset_wanted:
@@ -89,28 +88,28 @@ class RunControl:
         return self.rtf <= 0.0 or time.monotonic() >= self.due(tick)
 
     def due(self, tick: int) -> float:
-        """Return the wall time of ``tick`` at the speed asked for."""
+        """Return the wall time of ``tick`` at the requested speed."""
         start, first = self._anchor
         return start + (tick - first) * self.period_s() / self.rtf
 
     def period_s(self) -> float:
-        """Return the tick in seconds."""
+        """Return the control period, s."""
         return self._plant.timeline.period_ns * 1e-9
 
     def pace_s(self) -> float:
-        """Return the wall time of a tick at the speed asked for, 0 where none is."""
+        """Return the wall time per tick at the requested speed, 0 without a limit."""
         return self.period_s() / self.rtf if self.rtf > 0.0 else 0.0
 
     def nap_s(self, tick: int, now: float, longest: float) -> float:
-        """Return how long the plant may sleep before it asks again."""
+        """Return how long the plant may sleep before the next check."""
         if self.paused or self.rtf <= 0.0:
             return min(longest, 0.01) if self.paused else longest
         return max(0.0, min(longest, self.due(tick) - now))
 
-    # --- asked by services ---------------------------------------------------------------
+    # --- called by services --------------------------------------------------------------
 
     def pause(self, wanted: bool) -> None:
-        """Hold the run before its next tick, or let it go on."""
+        """Pause the run before its next tick, or resume it."""
         with self._lock:
             self._resting = self._resting and wanted
             self.paused = wanted
@@ -119,7 +118,7 @@ class RunControl:
             self.begin(self._plant.tick)
 
     def step(self, ticks: int) -> bool:
-        """Let a paused run do so many ticks; False where it is not paused."""
+        """Let a paused run advance by so many ticks; False if it is not paused."""
         with self._lock:
             if not self.paused:
                 return False
@@ -128,10 +127,10 @@ class RunControl:
         return True
 
     def reset(self) -> str:
-        """Start the run again at tick 0; return when that is done, or why it is not."""
+        """Restart the run at tick 0; return when that is done, with the reason of a failure."""
         plant = self._plant
         if not self.going:
-            return f'no run goes on ({plant.board.mine.phase.value})'
+            return f'no run in progress ({plant.board.mine.phase.value})'
         self.orders += 1
         self._reset_asked = True
         if self._wait(lambda: not (self._reset_asked or self.reset_wanted) and self.going):
@@ -139,7 +138,7 @@ class RunControl:
         return f'not done within {WAIT_S:g} s, or the run has ended'
 
     def _wait(self, done: Callable[[], bool]) -> bool:
-        """Wait on the services' thread, while the run goes on, until ``done``."""
+        """Wait on the services' thread, while the run continues, until ``done``."""
         deadline = time.monotonic() + WAIT_S
         while not done():
             if self._plant.finished or time.monotonic() > deadline:
@@ -148,7 +147,7 @@ class RunControl:
         return True
 
     def finish_steps(self) -> bool:
-        """Wait until the ticks that were asked for are done; False where they cannot be."""
+        """Wait until the requested ticks are done; False if they cannot be."""
         return self._wait(lambda: not self.stepping)
 
     @property
@@ -157,7 +156,7 @@ class RunControl:
         return self._plant.finished
 
     def end(self) -> None:
-        """End the run in good order, as Ctrl-C does."""
+        """End the run in order, as Ctrl-C does."""
         self._plant.interrupted += 1
 
     @property
@@ -167,12 +166,12 @@ class RunControl:
 
     @property
     def stepping(self) -> bool:
-        """Whether a paused run has ticks to finish: those asked for, or the one that was out."""
+        """Whether a paused run has ticks to finish: requested ones, or the one in progress."""
         return self.paused and not self._resting
 
     @property
     def steps_left(self) -> int:
-        """Return the steps of a paused run that are not done, the one that is out included."""
+        """Return the number of unfinished steps of a paused run, including one in progress."""
         with self._lock:
             return self._steps + (not self._resting)
 
@@ -197,12 +196,12 @@ class RunControl:
         return response
 
     def describe(self) -> str:
-        """Return the state in a line."""
+        """Return the state in one line."""
         plant = self._plant
         word = plant.board.mine.phase.value
         if self.paused:
             word = 'stepping' if self.stepping else 'paused'
-        speed = f'{self.rtf:g} times real time' if self.rtf > 0.0 else 'as fast as it goes'
+        speed = f'{self.rtf:g} times real time' if self.rtf > 0.0 else 'as fast as possible'
         return f'{word} at tick {plant.tick}, {speed}'
 
     def _changed(self, parameters: list[Parameter]) -> SetParametersResult:

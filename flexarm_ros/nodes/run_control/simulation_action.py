@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The standard action SimulateSteps: ticks of a paused run, with feedback and a way to cancel.
+The standard action SimulateSteps: ticks of a paused run, with feedback and cancellation.
 
-``execute`` is a coroutine on the thread of the services: between two looks at the
-run that thread serves others, the cancel request among them.
+``execute`` is a coroutine on the services' thread, which serves other requests, such as a cancel
+request, between two checks of the run.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 NAME = 'simulate_steps'
 _LOOK_S = 0.005
-"""Wall time between two looks at the run."""
+"""Wall time between two checks of the run."""
 
 
 class StepAction:
@@ -50,14 +50,14 @@ class StepAction:
         )  # fmt: skip
 
     def accept(self, _: Any) -> GoalResponse:
-        """Take one goal at a time."""
+        """Accept one goal at a time."""
         if self._busy:
             return GoalResponse.REJECT
         self._busy = True
         return GoalResponse.ACCEPT
 
     async def execute(self, goal: Any) -> Any:
-        """Do the steps; return the result, with what went wrong."""
+        """Execute the steps; return the result with any error."""
         # Not the node's own clock: simulated time stands still while the run is paused.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         timer = self._node.create_timer(_LOOK_S, self._wake, clock=steady)

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The standard services of simulation_interfaces, where that package is installed.
+The standard services of simulation_interfaces, if that package is installed.
 
 ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
-``step_simulation`` and ``reset_simulation``, with the results that the
-comments of the standard's ``.srv`` files ask for (version 1.0 to 2.1), and the
-action ``simulate_steps``.  Worlds and entities are none of this simulator's.
+``step_simulation`` and ``reset_simulation``, with the results that the standard's ``.srv`` files
+specify (version 1.0 to 2.1), and the action ``simulate_steps``.  This simulator has no worlds or
+entities.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     from flexarm_ros.nodes.run_control.services import RunControl
 
 _TIME_AND_STATE = 1 | 2
-"""ResetSimulation's SCOPE_TIME and SCOPE_STATE; nothing is ever spawned (4)."""
+"""ResetSimulation's SCOPE_TIME and SCOPE_STATE; there are never spawned entities (4)."""
 
 
 def offer_standard_services(node: Node, control: RunControl) -> bool:
-    """Create the services; False where simulation_interfaces is not installed."""
+    """Create the services; False if simulation_interfaces is not installed."""
     try:
         srv = importlib.import_module('simulation_interfaces.srv')
         msg = importlib.import_module('simulation_interfaces.msg')
         action = importlib.import_module('simulation_interfaces.action')
     except ImportError:
         return False
-    # Imported here: without the package no node has to pay for what actions need.
+    # Imported here, so that nodes without the package do not load the action libraries.
     from flexarm_ros.nodes.run_control.simulation_action import StepAction
 
     StepAction(node, control, action.SimulateSteps, msg.Result)
@@ -60,7 +60,7 @@ def offer_standard_services(node: Node, control: RunControl) -> bool:
 
 
 class StandardServices:
-    """The services' actions; ``msg`` and ``srv`` are the package's modules."""
+    """Implementation of the services; ``msg`` and ``srv`` are the package's modules."""
 
     def __init__(self, control: RunControl, msg: Any, srv: Any) -> None:
         self._control = control
@@ -71,14 +71,14 @@ class StandardServices:
         self._stopped = False
 
     def _answer(self, response: Any, problem: str = '', code: int | None = None) -> Any:
-        """Fill in the result: OK without a ``problem``, else ``code`` or OPERATION_FAILED."""
+        """Set the result: OK without a ``problem``, else ``code`` or OPERATION_FAILED."""
         failed = self._result.RESULT_OPERATION_FAILED if code is None else code
         response.result.result = failed if problem else self._result.RESULT_OK
         response.result.error_message = problem
         return response
 
     def features(self, _: Any, response: Any) -> Any:
-        """Say what can be asked of this simulator."""
+        """Return the features of this simulator."""
         kinds = self._features
         response.features.features = [
             kinds.SIMULATION_RESET, kinds.SIMULATION_STATE_GETTING, kinds.SIMULATION_STATE_SETTING,
@@ -89,19 +89,19 @@ class StandardServices:
         return response
 
     def current(self) -> int:
-        """Return the state in the standard's terms; before the first tick it is stopped."""
+        """Return the state in the standard's terms; stopped before the first tick."""
         states, control = self._states, self._control
         if control.over:
             return int(states.STATE_QUITTING)
         if not control.going:
             return int(states.STATE_STOPPED)
         if not control.paused:
-            self._stopped = False  # somebody has used the other services
+            self._stopped = False  # changed through the other services
             return int(states.STATE_PLAYING)
         return int(states.STATE_STOPPED if self._stopped else states.STATE_PAUSED)
 
     def state(self, _: Any, response: Any) -> Any:
-        """Say whether the run goes on, is paused or stopped."""
+        """Return whether the run is playing, paused or stopped."""
         response.state.state = self.current()
         return self._answer(response)
 
@@ -125,7 +125,7 @@ class StandardServices:
         return self._answer(response, problem, self._set_state.STATE_TRANSITION_ERROR)
 
     def _enter(self, wanted: int) -> str:
-        """Go to a state; return what went wrong."""
+        """Change to a state; return the error, empty on success."""
         if wanted == self._states.STATE_QUITTING:
             self._control.end()
             return ''
@@ -135,7 +135,7 @@ class StandardServices:
         return problem
 
     def step(self, request: Any, response: Any) -> Any:
-        """Do ``steps`` ticks of a paused run; answers when they are done."""
+        """Execute ``steps`` ticks of a paused run; responds when they are done."""
         if not self._control.step(int(request.steps)):
             return self._answer(response, 'not paused: pause first')
         self._stopped = False
@@ -145,7 +145,7 @@ class StandardServices:
         )
 
     def reset(self, request: Any, response: Any) -> Any:
-        """Start again at tick 0; state and time cannot be reset apart."""
+        """Restart at tick 0; state and time cannot be reset separately."""
         scope = int(request.scope)
         if scope and scope & _TIME_AND_STATE != _TIME_AND_STATE:
             text = f'scope {scope}: state and time are reset together: 0, 3 or 255'

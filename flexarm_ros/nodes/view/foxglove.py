@@ -38,7 +38,7 @@ _MISSING = "foxglove-sdk is not installed: pip install 'flexarm_ros[view]'"
 
 
 class ViewError(Exception):
-    """The view cannot be had; one line."""
+    """The view is not available; one line."""
 
 
 def layout() -> Path:
@@ -48,10 +48,10 @@ def layout() -> Path:
 
 class FoxgloveView:
     """
-    Shows frames to whoever connects to ``ws://HOST:PORT``.
+    Sends frames to the clients of ``ws://HOST:PORT``.
 
-    ``port`` 0 takes a free one.  Raises ViewError where foxglove-sdk is not
-    installed or the port is taken.
+    ``port`` 0 takes a free one.  Raises ViewError if foxglove-sdk is not
+    installed or the port is in use.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -62,7 +62,7 @@ class FoxgloveView:
         except ImportError:
             raise ViewError(_MISSING) from None
         self._sdk.set_log_level('ERROR')
-        # Kept: channels of a context that is gone reach nobody.
+        # Kept: the channels of a deleted context send nothing.
         context = self._context = self._sdk.Context()
         self._scene = channels.SceneUpdateChannel(SCENE, context=context)
         self._frames = channels.FrameTransformsChannel(FRAMES, context=context)
@@ -132,7 +132,7 @@ class FoxgloveView:
         return self._messages.Color(r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         self._server.stop()
 
 

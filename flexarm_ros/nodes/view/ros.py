@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A live view for RViz: markers, the URDF and, where tf2_msgs is installed, TF."""
+"""A live view for RViz: markers, the URDF and, if tf2_msgs is installed, TF."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BLUE, ORANGE, GREEN, PINK, GREY = (
     (0.0, 0.45, 0.70), (0.90, 0.62, 0.0), (0.0, 0.62, 0.45), (0.80, 0.47, 0.65), (0.6, 0.6, 0.6)
 )  # fmt: skip
-"""Colours of Okabe and Ito, that colour-blind people tell apart."""
+"""Colours of Okabe and Ito, distinct with colour vision deficiencies."""
 
 
 class RosView:
@@ -101,7 +101,7 @@ def _marker(
 
 
 def stamped(frame: Frame, config: RunConfig) -> list[TransformStamped]:
-    """Return the frames of the rigid skeleton as TF has them."""
+    """Return the frames of the rigid skeleton for TF."""
     found = []
     for parent, child, x, angle in transforms(config, *frame.angles):
         message = TransformStamped(child_frame_id=child)

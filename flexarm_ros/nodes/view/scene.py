@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a live view shows of a run at one instant, apart from how it is drawn."""
+"""The content of a live view at one instant, independent of how it is drawn."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ import numpy as np
 
 Point = tuple[float, float]
 SHOWN = (STATE, TIP, REFERENCE, COMMAND)
-"""Topics that a view listens to."""
+"""Topics that a view subscribes to."""
 
 _NONE: Point = (math.nan, math.nan)
 
@@ -48,9 +48,9 @@ class Frame:
     """
     The arm at ``stamp_ns``: m, rad, N m, in frame ``base``.
 
-    ``line`` runs along the bent links, the shoulder first, entry ``elbow`` the
-    elbow, the last the tip.  ``sensed`` and ``reference`` are the newest there
-    are; nan where none has come.  ``gain`` is lambda, nan where the law has none.
+    ``line`` runs along the bent links from the shoulder to the tip, with the elbow at index
+    ``elbow``.  ``sensed`` and ``reference`` are the newest received, nan before the first.
+    ``gain`` is lambda, nan for a law without it.
     """
 
     stamp_ns: int
@@ -65,17 +65,17 @@ class Frame:
 
     @property
     def tip(self) -> Point:
-        """Return the bent arm's tip."""
+        """Return the tip of the bent arm."""
         return self.line[-1]
 
     @property
     def links(self) -> tuple[tuple[Point, ...], tuple[Point, ...]]:
-        """Return the bent links: the line to the elbow, and from there."""
+        """Return the bent links: the line to the elbow, and from the elbow."""
         last, first = self.elbow + 1, self.elbow
         return self.line[:last], self.line[first:]
 
     def numbers(self) -> dict[str, float | None]:
-        """Return what is plotted, by name; None where there is no number."""
+        """Return the plotted numbers by name; None for a missing one."""
         error = math.dist(self.tip, self.reference)
         named = {
             'theta1': self.angles[0], 'theta2': self.angles[1],
@@ -89,14 +89,14 @@ class Frame:
 
 
 class Scene:
-    """Makes frames from the newest message of each topic, and keeps the tip's trail."""
+    """Makes frames from the newest message of each topic, and stores the tip's trail."""
 
     def __init__(self, config: RunConfig, trail: int = 600) -> None:
         self.config = self._initial = config
         self.topics: dict[int, Topic] = {i: per_tick_topics(config)[i] for i in SHOWN}
         self._line = ArmLine(config.plant)
         self._size = 2 + 2 * config.plant.modes
-        # Once now: what is not compiled yet must not hold up the first frame.
+        # Once now, so that compilation does not delay the first frame.
         self._line.at(np.zeros(self._size), np.zeros(self._size))
         gain_of(config, 0.0, 0.0)
         self._latest: dict[int, tuple[float, ...]] = {}
@@ -105,13 +105,13 @@ class Scene:
         self.path: deque[Point] = deque(maxlen=trail)
 
     def take(self, topic: int, data: bytes) -> None:
-        """Take a serialized message; one of another layout is passed over."""
+        """Process a serialized message; one of another layout is ignored."""
         try:
             stamp, values = self.topics[topic].codec.decode_any(data)
         except ValueError:
             return
         if topic == STATE:
-            if stamp < self._stamp_ns:  # the run has started again
+            if stamp < self._stamp_ns:  # the run was restarted
                 self.trail.clear()
                 self.path.clear()
                 self.config = self._initial
@@ -119,7 +119,7 @@ class Scene:
         self._latest[topic] = values
 
     def change(self, data: bytes) -> None:
-        """Take a parameter that changes while the run goes on: lambda depends on kn."""
+        """Process a parameter change during the run: lambda depends on kn."""
         try:
             period_ns = Timeline.of(self.config.run).period_ns
             self.config = changed(self.config, changes.decode(data, period_ns))
@@ -127,7 +127,7 @@ class Scene:
             return
 
     def frame(self) -> Frame | None:
-        """Return the arm as it is now; None before its first state or where that is not finite."""
+        """Return the current arm; None before its first state or if that is not finite."""
         state, n = self._latest.get(STATE), self._size
         if state is None or not np.isfinite(state).all():
             return None

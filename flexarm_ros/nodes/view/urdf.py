@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-The rigid skeleton: a URDF, and where its frames are for given joint angles.
+The rigid skeleton: a URDF, and its frames for given joint angles.
 
-The joints have the names that ``joint_states`` uses, so that
-robot_state_publisher moves the skeleton too.  Frames: ``base`` at the
-shoulder, ``link1`` turned by theta1, ``link2`` at the rigid elbow, ``tool`` at
-the rigid tip.  The bend is in the markers, not here.
+The joints have the names of ``joint_states``, so that robot_state_publisher moves the skeleton
+too.  Frames: ``base`` at the shoulder, ``link1`` rotated by theta1, ``link2`` at the rigid elbow,
+``tool`` at the rigid tip.  Only the markers show the deflection.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _WIDTH = 0.08
 
 
 class Transform(NamedTuple):
-    """A frame ``child`` in ``parent``: moved along x (m), then turned about z (rad)."""
+    """A frame ``child`` in ``parent``: moved along x (m), then rotated about z (rad)."""
 
     parent: str
     child: str

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Node ``viewer``: shows a run while it goes on, to Foxglove, Lichtblick and RViz.
+Node ``viewer``: shows a running simulation in Foxglove, Lichtblick and RViz.
 
-It is no participant: nobody waits for it.  It reads with best effort and a
-queue of one, takes the newest messages ``rate`` times a second of wall time,
-and sleeps in between.  Which arm it is, it hears from ``lockstep/status``, or
-it is told by ``--params-file`` (a replay has no participants).
+It is not a participant: the run does not wait for it.  It subscribes with best effort and a queue
+of one, takes the newest messages ``rate`` times per second of wall time, and sleeps in between.
+It gets the arm from ``lockstep/status``, or from ``--params-file`` (a replay has no
+participants).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _LATCHED = QoSProfile(
 
 
 class ViewerNode(Node):
-    """Listens to a run and shows it; `step` does one frame."""
+    """Subscribes to a run and shows it; `step` handles one frame."""
 
     def __init__(self, argv: list[str]) -> None:
         super().__init__('viewer')
@@ -97,7 +97,7 @@ class ViewerNode(Node):
                 )  # fmt: skip
 
     def step(self) -> bool:
-        """Take what is new and show it; True where there was anything to show."""
+        """Process new messages and show them; True if there was anything to show."""
         self._hear()
         for index, subscription in self._readers.items():
             while taken := subscription.handle.take_message(subscription.msg_type, True):
@@ -114,7 +114,7 @@ class ViewerNode(Node):
         return True
 
     def _hear(self) -> None:
-        """Take the participants' statuses; a new run brings its own arm."""
+        """Process the participants' statuses; a new run has its own arm."""
         news = False
         while (taken := self._status.handle.take_message(DiagnosticStatus, False)) is not None:
             heard = status.Status.from_message(taken[0])
@@ -136,19 +136,19 @@ class ViewerNode(Node):
             self._listen(config)
 
     def run(self) -> None:
-        """Show frames until somebody sets ``stopping``."""
+        """Show frames until ``stopping`` is set."""
         period = 1.0 / float(self.get_parameter('rate').value)
         while not self.stopping.wait(period) and self.context.ok():
             self.step()
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         if self.foxglove is not None:
             self.foxglove.close()
 
 
 def view(argv: list[str]) -> int:
-    """Run the viewer until a signal; 130, 143 or 129 then, 2 where it cannot be."""
+    """Run the viewer until a signal; return 130, 143 or 129, or 2 if it cannot run."""
     try:
         start('viewer', argv)
     except ValueError as error:
