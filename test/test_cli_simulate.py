@@ -143,12 +143,12 @@ def test_an_interrupted_run_keeps_what_it_has_and_says_so(
 
 
 def test_list_laws_prints_one_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    from flexarm_ros.core.control import LAWS
+    from flexarm_ros.core.control import BUILT_IN
     from flexarm_ros.core.parameters.sections import ControllerParameters, specs
 
     assert cli.main(['simulate', '--list-laws']) == 0
-    assert capsys.readouterr().out.splitlines() == list(LAWS)
-    assert set(specs(ControllerParameters)['law'][1].choices) == set(LAWS)
+    assert capsys.readouterr().out.splitlines() == list(BUILT_IN)
+    assert set(specs(ControllerParameters)['law'][1].choices) == set(BUILT_IN)
 
 
 @pytest.mark.parametrize(

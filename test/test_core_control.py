@@ -20,7 +20,7 @@ from dataclasses import replace
 import math
 
 from flexarm_ros.core.arm.kinematics import make_point
-from flexarm_ros.core.control import gain_of, LAWS, make_law, Sample
+from flexarm_ros.core.control import BUILT_IN, gain_of, make_law, Sample
 from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
@@ -160,4 +160,4 @@ def test_a_bad_table_names_the_key(rows) -> None:
 def test_every_choice_of_the_parameter_is_a_law() -> None:
     from flexarm_ros.core.parameters.sections import specs
 
-    assert set(specs(ControllerParameters)['law'][1].choices) == set(LAWS)
+    assert set(specs(ControllerParameters)['law'][1].choices) == set(BUILT_IN)

@@ -29,10 +29,12 @@ from flexarm_ros.bag import outputs
 from flexarm_ros.bag import simulation as recorded
 from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.core.control import Law
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.trajectory_rows import Row, Rows
+from flexarm_ros.scenario.plugins import register
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -55,6 +57,7 @@ def configure(
     controller: Section | None = None,
     duration: float | None = None,
     seed: int | None = None,
+    law: type[Law] | str | None = None,
     torques: ArrayLike | None = None,
 ) -> RunConfig:
     """
@@ -69,7 +72,11 @@ def configure(
         ``{key: value}`` for a section of the scenario, keys and values as in the file; ``run``
         is the section ``/**``.  The value ``None`` removes a key.
     duration, seed
-        Short for ``run={"duration": ..., "seed": ...}``; s, and the seed of all noise.
+        Short for ``run={"duration": ..., "seed": ...}``; s, and the seed of every noise.
+    law
+        Short for ``controller={"law": ...}``, or a class derived from
+        ``flexarm_ros.core.control.Law``: it flies under its ``NAME``, left out that of the class,
+        and its own parameters are ``controller={"NAME": {...}}``.
     torques
         Rows ``t, tau1, tau2`` (s, N m, N m), shape ``(n, 3)``: applied in open loop, interpolated
         linearly, instead of a control law.
@@ -81,6 +88,9 @@ def configure(
 
     """
     own = {**(run or {})}
+    if law is not None:
+        name = law if isinstance(law, str) else register(law)
+        controller = {**(controller or {}), 'law': name}
     own.update({k: v for k, v in (('duration', duration), ('seed', seed)) if v is not None})
     given: dict[str, Section | None] = {
         OWN: own, 'plant': plant, 'encoder': encoder, 'tip_sensor': tip_sensor,
@@ -111,6 +121,7 @@ def simulate(
     controller: Section | None = None,
     duration: float | None = None,
     seed: int | None = None,
+    law: type[Law] | str | None = None,
     torques: ArrayLike | None = None,
     out: str | os.PathLike[str] | None = None,
 ) -> Run:
@@ -122,7 +133,7 @@ def simulate(
 
     Parameters
     ----------
-    scenario, run, plant, encoder, tip_sensor, trajectory, controller, duration, seed, torques
+    scenario, run, plant, encoder, tip_sensor, trajectory, controller, duration, seed, law, torques
         As for :func:`configure`.
     out
         A new directory for bag, ``trajectory.csv`` and ``summary.json``; by default nothing is
@@ -138,7 +149,7 @@ def simulate(
     """
     config = configure(
         scenario, run=run, plant=plant, encoder=encoder, tip_sensor=tip_sensor,
-        trajectory=trajectory, controller=controller, duration=duration, seed=seed,
+        trajectory=trajectory, controller=controller, duration=duration, seed=seed, law=law,
         torques=torques,
     )  # fmt: skip
     name = Path(scenario).stem if isinstance(scenario, (str, os.PathLike)) else 'run'
@@ -214,10 +225,10 @@ def _with_torques(
 ) -> RunConfig:
     """Return the scenario of ``data``, in open loop if there are torques."""
     if torques is None:
-        return scenarios.from_dict(data, torques=held)
+        return scenarios.from_dict(data, torques=held, user=True)
     try:
         rows = finite_array('torques', torques, (-1, 3), TORQUES)
     except ValueError as error:
         raise scenarios.ScenarioError(str(error)) from None
     data.setdefault('controller', {})['law'] = 'open_loop'
-    return scenarios.from_dict(data, torques=rows.tolist())
+    return scenarios.from_dict(data, torques=rows.tolist(), user=True)

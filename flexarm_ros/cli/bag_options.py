@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
 
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 
 def add_bag_options(parser: argparse.ArgumentParser, namespace: str = '--namespace') -> None:
-    """Add the options to a command's parser; ``namespace`` is the name of the namespace option."""
-    group = parser.add_argument_group('bags of `ros2 bag record` or `ros2 bag convert`')
+    """Add the options to a command's parser; ``namespace`` is the name of one of them."""
+    add_trust_option(parser)
+    group = parser.add_argument_group('for a bag of `ros2 bag record` or `ros2 bag convert`')
     group.add_argument(
         '--scenario', metavar='SCENARIO',
         help='scenario of the run (a file or a shipped name), which such a bag does not hold',
@@ -39,6 +40,29 @@ def add_bag_options(parser: argparse.ArgumentParser, namespace: str = '--namespa
     group.add_argument(
         namespace, metavar='NS', help='namespace of the run to read if the bag holds several'
     )
+
+
+def add_trust_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option that lets a bag name a law that is no installed entry point."""
+    parser.add_argument(
+        '--trust', action=_Trust, default=[], metavar='PACKAGE.MODULE',
+        help='import a control law of this module, or package, where the bag names it; without '
+        'it only installed laws are used; repeats',
+    )  # fmt: skip
+
+
+class _Trust(argparse.Action):
+    """Trusts a module in this process."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
+        option_string: str | None = None,
+    ) -> None:  # fmt: skip
+        from flexarm_ros.scenario.plugins import trust
+
+        if not all(part.isidentifier() for part in values.split('.')):
+            parser.error(f'argument --trust: {values!r} is not a PACKAGE.MODULE')
+        trust([values])
 
 
 def given_scenario(args: argparse.Namespace) -> RunConfig | None:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +32,21 @@ def add_parser(subparsers: Any) -> None:
         description='List the shipped scenarios, suites and sweeps, one per line. '
         'The other commands accept these names.',
     )
-    parser.add_argument('--paths', action='store_true', help='print the path of each file instead')
+    parser.add_argument('--paths', action='store_true', help='show where each file is instead')
+    parser.add_argument(
+        '--list-laws', action='store_true',
+        help='list the control laws instead, each with the package that it comes from',
+    )  # fmt: skip
+    parser.add_argument(
+        '--parts', action='store_true', help='list the parts of a run instead, with their topics'
+    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the list; return 0, or 1 if nothing is installed."""
+    """Print the list; returns 0, or 1 if nothing is shipped here."""
+    if args.list_laws or args.parts:
+        _print_table([*(_laws() if args.list_laws else ()), *(_parts() if args.parts else ())])
+        return 0
     groups = {
         'scenario': locate.shipped(),
         'suite': locate.shipped_suites(),
@@ -46,6 +57,32 @@ def run(args: argparse.Namespace) -> int:
         for name, path in group.items():
             print(f'{name:<{width}}  {kind:<8}  {_text(path, args.paths)}'.rstrip())
     return 0 if any(groups.values()) else 1
+
+
+def _laws() -> Iterable[tuple[str, str]]:
+    """Return the laws that a scenario can name, and where each comes from."""
+    from flexarm_ros.core.control import BUILT_IN
+    from flexarm_ros.scenario.plugins import installed_laws
+
+    yield from ((name, 'flexarm_ros') for name in BUILT_IN)
+    for name, point in sorted(installed_laws().items()):
+        package = point.dist.metadata['Name'] if point.dist is not None else ''
+        yield name, f'{package} ({point.value})'
+
+
+def _parts() -> Iterable[tuple[str, str]]:
+    """Return the roles of a run and what each publishes at each tick of the default scenario."""
+    from flexarm_ros.core.parameters.sections import RunConfig
+    from flexarm_ros.core.run.parts import PARTS
+
+    for part in PARTS:
+        yield part.NAME, ', '.join(signal.name for signal in part.signals(RunConfig()))
+
+
+def _print_table(rows: list[tuple[str, str]]) -> None:
+    width = max(len(name) for name, _ in rows)
+    for name, text in rows:
+        print(f'{name:<{width}}  {text}'.rstrip())
 
 
 def _text(path: Path, show_path: bool) -> str:

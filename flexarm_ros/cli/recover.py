@@ -20,6 +20,8 @@ import argparse
 import sys
 from typing import Any
 
+from flexarm_ros.cli.bag_options import add_trust_option
+
 
 def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
@@ -30,7 +32,8 @@ def add_parser(subparsers: Any) -> None:
         'the .mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.',
     )
     parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
-    parser.add_argument('--out', metavar='NEWBAG', required=True, help='directory of the new bag')
+    parser.add_argument('--out', metavar='NEWBAG', required=True, help='new directory of the bag')
+    add_trust_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -38,10 +38,12 @@ from pathlib import Path
 import re
 import sys
 
-from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
+from flexarm_ros.core.parameters.sections import keys as keys_of
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
+from flexarm_ros.scenario.plugins import find_laws
 from flexarm_ros.scenario.reader import build, is_of_ros, MAX_BYTES, PathLike, WHOLE_RUN
 from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, show, Tree
 
@@ -171,6 +173,9 @@ def read_node(
     Raises ScenarioError, one line, for an unknown key or an invalid parameter file.
     """
     sections = read_sections(files)
+    assignments = list(assignments)
+    if node.flies:
+        _find_laws(sections, node, assignments)
     found = NodeParameters()
     namespace = node.name.rpartition('/')[0]
     for role in SECTIONS if node.flies else ():
@@ -179,7 +184,7 @@ def read_node(
         for name in _chosen(sections, role, f'{namespace}/{role}'):
             if not name.endswith('*'):
                 found.whole = True
-                known = sections[name].keys() & specs(SECTIONS[role]).keys()
+                known = sections[name].keys() & keys_of(role).keys()
                 _put(found, role, {key: sections[name][key] for key in known})
     for name in _chosen(sections, node.role, node.name):
         _take(found, node, name, sections[name], _shared_files(sections, node))
@@ -194,6 +199,20 @@ def read_node(
             raise ScenarioError(f'{place}: no value; give -p {clip(key)}:=VALUE')
         _take(found, node, node.role, {key: Given(tree, place, None, sys.maxsize)})
     return found
+
+
+def _find_laws(
+    sections: dict[str, Section], node: NodeName, assignments: Iterable[tuple[str, str]]
+) -> None:
+    """Register the laws that files and command line name: their keys may stand before the law."""
+    given = [(key, held.tree) for keys in sections.values() for key, held in keys.items()]
+    if node.role == 'controller':
+        given += [(key, Scalar(text, text)) for key, text in assignments]
+    names = [key for key, _ in given if '.' in key]
+    for key, tree in given:
+        if key == 'law' and isinstance(tree, Scalar):
+            find_laws(str(tree.value).strip('\'"'), (), user=True)
+    find_laws(None, names, user=True)
 
 
 def _chosen(sections: dict[str, Section], role: str, name: str) -> list[str]:
@@ -216,9 +235,9 @@ def _shared_files(sections: dict[str, Section], node: NodeName) -> Files:
 def _take(
     found: NodeParameters, node: NodeName, section: str, keys: Section, shared: Files = ()
 ) -> None:
-    """Add a section's keys to the node's values."""
-    known = specs(SECTIONS[node.role]) if node.flies and node.role in SECTIONS else {}
-    run = specs(SECTIONS[WHOLE_RUN]) if node.flies else {}
+    """Add a section's keys to what the node has."""
+    known = keys_of(node.role) if node.flies and node.role in SECTIONS else {}
+    run = keys_of(WHOLE_RUN) if node.flies else {}
     for key, given in keys.items():
         if key in node.own:
             before = found.own.get(key)
@@ -254,8 +273,8 @@ def _pass_over(
 
 
 def _elsewhere(node: NodeName, key: str) -> str:
-    """Return a hint to another role that has the key, empty if there is none."""
-    places = [(role, specs(kind)) for role, kind in SECTIONS.items()]
+    """Return a hint to another role that has the key; empty: none of ours has."""
+    places = [(role, keys_of(role)) for role in SECTIONS]
     names = [f'{role}.{key}' for role, keys in (*places, *node.others.items()) if key in keys]
     return f"; did you mean '{names[0]}'?" if names else ''
 
@@ -263,7 +282,7 @@ def _elsewhere(node: NodeName, key: str) -> str:
 def _put(found: NodeParameters, section: str, keys: Section) -> None:
     """Set keys of the scenario; keys without a value in a dump are removed."""
     for key, given in keys.items():
-        default = specs(SECTIONS[section])[key][2]
+        default = keys_of(section)[key][2]
         found.scenario.pop((section, key), None)
         unset = isinstance(given.tree, Scalar) and given.tree.text == UNSET
         if not (default is None and unset):

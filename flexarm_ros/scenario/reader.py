@@ -23,11 +23,22 @@ import os
 from pathlib import Path
 from typing import Any
 
-from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, SECTIONS, Spec, specs
+from flexarm_ros.core.parameters.sections import (
+    held_field,
+    keys,
+    made,
+    PaceParameters,
+    RunConfig,
+    SECTIONS,
+    Spec,
+    specs,
+    values_of,
+)
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
+from flexarm_ros.scenario.plugins import find_laws
 from flexarm_ros.scenario.torque_file import check_order, HEADER, read_torques, Torques
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, show, Tree, tree_of
@@ -40,9 +51,6 @@ MAX_BYTES = 1024 * 1024
 WHOLE_RUN = '/**'
 PACE = specs(PaceParameters)
 _OF_ROS = ('qos_overrides.', 'use_sim_time.', 'start_type_description_service.')
-
-FIELD_OF = {section: 'run' if section == WHOLE_RUN else section for section in SECTIONS}
-"""Section name -> field of RunConfig."""
 
 
 def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -> RunConfig:
@@ -58,9 +66,11 @@ def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -
     sources = [source] if isinstance(source, (str, os.PathLike)) else list(source)
     values: Values = {}
     torque_base = Path()
+    overrides = list(overrides)
+    _find_overriding_laws(overrides)
     for item in sources:
         path = find(item)
-        given = _read(read_text(path, MAX_BYTES), clip(str(path), PATH_WIDTH))
+        given = _read(read_text(path, MAX_BYTES), clip(str(path), PATH_WIDTH), user=True)
         if ('controller', 'torque_file') in given:
             torque_base = path.resolve().parent
         values.update(given)
@@ -78,29 +88,34 @@ def from_text(
     """
     Read a scenario's text, as it travels in a bag.
 
-    No file is opened: the torques of ``open_loop`` are given as rows.
+    No file is opened: the torques of ``open_loop`` are given as rows.  No module that the text
+    names is imported, unless it is installed as an entry point or trusted.
     Raises ScenarioError, one line.
     """
     return build(_read(text, name), torques=check_torques(torques))
 
 
 def from_dict(
-    data: Map[str, Any], torques: Iterable[Iterable[float]] = (), torque_base: Path | None = None
+    data: Map[str, Any],
+    torques: Iterable[Iterable[float]] = (),
+    torque_base: Path | None = None,
+    user: bool = False,
 ) -> RunConfig:
     """
     Build a RunConfig from ``{section: {key: value}}``; ``run`` stands for ``/**``.
 
     Keys may be dotted or nested, a value ``None`` means left out (so that ``to_dict`` is
     undone).  A torque file is opened only if ``torque_base``, the directory to which its
-    path is relative, is given.  Raises ScenarioError, one line.
+    path is relative, is given.  ``user``: the user says it, so that a law
+    ``package.module:Class`` is imported.  Raises ScenarioError, one line.
     """
     values: Values = {}
-    for section, keys in data.items():
+    for section, body in data.items():
         name = WHOLE_RUN if section == 'run' else str(section)
-        if not isinstance(keys, Map):
-            raise ScenarioError(f'{clip(name)}: {clip(repr(keys))} is not a map of keys')
-        given = _without_none(keys.get('ros__parameters', keys))
-        _take_section(values, name, tree_of(given), '')
+        if not isinstance(body, Map):
+            raise ScenarioError(f'{clip(name)}: {clip(repr(body))} is not a map of keys')
+        given = _without_none(body.get('ros__parameters', body))
+        _take_section(values, name, tree_of(given), '', user)
     if torque_base is not None:
         return build(values, torque_base=torque_base)
     return build(values, torques=check_torques(torques))
@@ -115,16 +130,18 @@ def with_values(
     ``overrides`` are texts as after ``--set``; ``data`` is ``{section: {key: value}}`` as for
     ``from_dict``, a value ``None`` leaving its key out again.  Raises ScenarioError.
     """
+    overrides = list(overrides)
+    _find_overriding_laws(overrides)
     values = _values_of(config)
     torque_base: Path | None = None
     given: Values = {}
-    for section, keys in (data or {}).items():
+    for section, body in (data or {}).items():
         name = WHOLE_RUN if section == 'run' else str(section)
-        if not isinstance(keys, Map):
-            raise ScenarioError(f'{clip(name)}: {clip(repr(keys))} is not a map of keys')
-        for key in [key for key, value in keys.items() if value is None]:
+        if not isinstance(body, Map):
+            raise ScenarioError(f'{clip(name)}: {clip(repr(body))} is not a map of keys')
+        for key in [key for key, value in body.items() if value is None]:
             values.pop(find_key(full_name(name, str(key))), None)
-        _take_section(given, name, tree_of(_without_none(keys)), '')
+        _take_section(given, name, tree_of(_without_none(body)), '', user=True)
     for override in overrides:
         where, tree = parse_override(override)
         given[where] = tree
@@ -138,11 +155,13 @@ def with_values(
 
 def _values_of(config: RunConfig) -> Values:
     values: Values = {}
-    for section, field in FIELD_OF.items():
-        held = getattr(config, field)
-        for key, (name, _, _) in specs(SECTIONS[section]).items():
-            if getattr(held, name) is not None:
-                values[section, key] = tree_of(getattr(held, name))
+    for section in SECTIONS:
+        known = keys(section)
+        for key, value in values_of(config, section).items():
+            if key not in known:
+                raise ScenarioError(f'{full_name(section, key)}: its law is not registered here')
+            if value is not None:
+                values[section, key] = tree_of(value)
     for key, (name, _, _) in PACE.items():
         values[WHOLE_RUN, key] = tree_of(getattr(config.pace, name))
     return values
@@ -190,6 +209,14 @@ def parse_override(text: str) -> tuple[tuple[str, str], Tree]:
     return find_key(name), tree
 
 
+def _find_overriding_laws(overrides: Iterable[str]) -> None:
+    """Register the laws that overrides name: keys of a law may stand before its name."""
+    for text in overrides:
+        name, _, value = text.partition('=')
+        if name.strip().lstrip('/') == 'controller.law':
+            find_laws(value.strip().strip('\'"'), (), user=True)
+
+
 def find_key(name: str) -> tuple[str, str]:
     """
     Return ``(section, key)`` of a dotted name; without a node the whole run's.
@@ -199,6 +226,8 @@ def find_key(name: str) -> tuple[str, str]:
     first, dot, rest = name.partition('.')
     first = first if first == WHOLE_RUN else first.lstrip('/')
     section, key = (first, rest) if dot and first in SECTIONS else (WHOLE_RUN, name)
+    if section == 'controller':
+        find_laws(None, [key], user=True)
     if key not in known_keys(section):
         raise ScenarioError(f'{clip(name)}: unknown key{nearest(section, key)}')
     return _place(section, key)
@@ -206,7 +235,7 @@ def find_key(name: str) -> tuple[str, str]:
 
 def known_keys(section: str) -> dict[str, tuple[str, Spec, Any]]:
     """Return the keys that may stand in a section, those of `PaceParameters` included."""
-    own = specs(SECTIONS[section])
+    own = keys(section)
     return {**own, **PACE} if section in (WHOLE_RUN, 'plant') else own
 
 
@@ -232,7 +261,7 @@ def nearest(section: str, key: str) -> str:
     return own or suggestion(full_name(section, key), names) or '; the README lists every key'
 
 
-def _read(text: str, name: str) -> Values:
+def _read(text: str, name: str, user: bool = False) -> Values:
     """Return what a parameter file's text gives; ``name`` stands in the errors."""
     try:
         tree = parse(text)
@@ -242,13 +271,13 @@ def _read(text: str, name: str) -> Values:
             raise ScenarioError(f'{show(tree)} is not a map of sections like /** and plant')
         values: Values = {}
         for section, body in tree.entries.items():
-            _read_section(values, section, body)
+            _read_section(values, section, body, user)
         return values
     except ScenarioError as error:
         raise ScenarioError(f'{name}: {error}') from None
 
 
-def _read_section(values: Values, section: str, body: Tree) -> None:
+def _read_section(values: Values, section: str, body: Tree, user: bool) -> None:
     name = section if section == WHOLE_RUN else section.removeprefix('/')
     if name not in SECTIONS:
         raise ScenarioError(
@@ -257,10 +286,12 @@ def _read_section(values: Values, section: str, body: Tree) -> None:
         )
     if not isinstance(body, Mapping) or set(body.entries) != {'ros__parameters'}:
         raise ScenarioError(f'{clip(section)}: must hold one map, ros__parameters')
-    _take_section(values, name, body.entries['ros__parameters'], '')
+    _take_section(values, name, body.entries['ros__parameters'], '', user)
 
 
-def _take_section(values: Values, section: str, tree: Tree, prefix: str) -> None:
+def _take_section(
+    values: Values, section: str, tree: Tree, prefix: str, user: bool = False
+) -> None:
     """Add a section's keys to ``values``; nested maps make dotted keys."""
     if section not in SECTIONS:
         raise ScenarioError(
@@ -269,6 +300,9 @@ def _take_section(values: Values, section: str, tree: Tree, prefix: str) -> None
         )
     if not isinstance(tree, Mapping):
         raise ScenarioError(f'{section}: ros__parameters must be a map of keys, not {show(tree)}')
+    if section == 'controller' and not prefix:
+        law = tree.entries.get('law')
+        find_laws(law.value if isinstance(law, Scalar) else None, tree.entries, user)
     known = known_keys(section)
     for part, value in tree.entries.items():
         key = prefix + part
@@ -277,7 +311,7 @@ def _take_section(values: Values, section: str, tree: Tree, prefix: str) -> None
                 raise ScenarioError(f'{full_name(section, key)}: given twice')
             values[_place(section, key)] = value
         elif isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
-            _take_section(values, section, value, key + '.')
+            _take_section(values, section, value, key + '.', user)
         elif is_of_ros(key):
             _check_of_ros(full_name(section, key), value)
         else:
@@ -306,12 +340,12 @@ def build(
     Each value is checked, and with ``whole`` that they fit together.  Raises ScenarioError.
     """
     sections: dict[str, Any] = {}
-    for section, cls in SECTIONS.items():
+    for section in SECTIONS:
         given = {}
-        for key, (name, spec, _) in specs(cls).items():
+        for key, (_, spec, _) in keys(section).items():
             if (section, key) in values:
-                given[name] = convert(full_name(section, key), spec, values[section, key])
-        sections[FIELD_OF[section]] = cls(**given)
+                given[key] = convert(full_name(section, key), spec, values[section, key])
+        sections[held_field(section)] = made(section, given)
     pace = {
         name: convert(full_name(WHOLE_RUN, key), spec, values[WHOLE_RUN, key])
         for key, (name, spec, _) in PACE.items()

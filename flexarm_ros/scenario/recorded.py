@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
-from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
+from flexarm_ros.core.parameters.sections import keys, RunConfig, SECTIONS
 from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.reader import (
     build,
@@ -96,10 +96,11 @@ def _known_values(tree: Tree | None) -> tuple[Values, dict[str, list[str]]]:
         if not isinstance(held, Mapping):
             continue
         for key, value in _flat(name, held, ''):
-            if key not in specs(SECTIONS[name]):
+            if key not in keys(name):
                 unknown.setdefault(name, []).append(f'unknown key {clip(key)}')
             elif _not_a_choice(name, key, value):
-                unknown.setdefault(name, []).append(f'{key}: {_shown(value)} is not known')
+                hint = _trust_hint(value) if (name, key) == _LAW else ''
+                unknown.setdefault(name, []).append(f'{key}: {_shown(value)} is not known{hint}')
                 if (name, key) == _LAW:
                     values[name, key] = value
             else:
@@ -108,8 +109,8 @@ def _known_values(tree: Tree | None) -> tuple[Values, dict[str, list[str]]]:
 
 
 def _flat(section: str, tree: Mapping, prefix: str) -> Iterator[tuple[str, Tree]]:
-    """Yield dotted keys: known ones, and for an unknown map only its name."""
-    known = specs(SECTIONS[section])
+    """Yield dotted keys: those that are known, and of an unknown map its name alone."""
+    known = keys(section)
     for part, value in tree.entries.items():
         key = prefix + part
         if isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
@@ -119,10 +120,18 @@ def _flat(section: str, tree: Mapping, prefix: str) -> Iterator[tuple[str, Tree]
 
 
 def _not_a_choice(section: str, key: str, value: Tree) -> bool:
-    """Return whether a text is not one of the key's choices here."""
-    choices = specs(SECTIONS[section])[key][1].choices
+    """Return whether a text is none of those that the key takes here."""
+    choices = keys(section)[key][1].choices
     text = value.value if isinstance(value, Scalar) else None
     return bool(choices) and isinstance(text, str) and text not in choices
+
+
+def _trust_hint(law: Tree) -> str:
+    """Return how a law that names its module could be used."""
+    text = law.value if isinstance(law, Scalar) else None
+    if not isinstance(text, str) or ':' not in text:
+        return ''
+    return f' (--trust {clip(text.partition(":")[0])} uses it)'
 
 
 def _shown(value: Tree) -> str:

@@ -19,8 +19,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
-from flexarm_ros.scenario.reader import FIELD_OF
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, values_of
 from flexarm_ros.scenario.yaml.rclyaml import write
 
 UNUSED = {
@@ -46,11 +45,10 @@ def to_dict(config: RunConfig, external: Collection[str] = ()) -> dict[str, dict
     nodes (roles) would read are left out: a section, or keys of it.
     """
     data: dict[str, dict[str, Any]] = {}
-    for section, cls in SECTIONS.items():
-        held = getattr(config, FIELD_OF[section])
-        keys = {key: getattr(held, name) for key, (name, _, _) in specs(cls).items()}
+    for section in SECTIONS:
         data[section] = {
-            key: list(value) if isinstance(value, tuple) else value for key, value in keys.items()
+            key: list(value) if isinstance(value, tuple) else value
+            for key, value in values_of(config, section).items()
         }
     planned = config.controller.law in _BELIEVE_LATENCY and 'controller' not in external
     for role in external:

@@ -24,7 +24,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm_ros.core.parameters.changes import Change
-from flexarm_ros.core.parameters.sections import SECTIONS, specs
+from flexarm_ros.core.parameters.sections import keys, SECTIONS
 from flexarm_ros.core.parameters.spec import check
 from flexarm_ros.core.timeline import NS_PER_S, T0_NS
 from flexarm_ros.wire.generic_decode import message, typestore
@@ -78,8 +78,8 @@ def checked(change: Change) -> Change:
 
     Values from the network or from a file are checked like those of a scenario.
     """
-    section = SECTIONS.get(change.node)
-    entry = specs(section).get(change.key) if section and change.node != '/**' else None
+    known = change.node in SECTIONS and change.node != '/**'
+    entry = keys(change.node).get(change.key) if known else None
     if entry is None or not entry[1].live:
         raise ValueError(f'{change.node}.{change.key}: no parameter that may change in a run')
     check(f'{change.node}.{change.key}', entry[1].item, change.value)

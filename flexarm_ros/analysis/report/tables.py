@@ -26,7 +26,7 @@ from typing import Any
 
 from flexarm_ros.analysis.report.claims import Claim, Claims
 from flexarm_ros.analysis.report.runs import labels, number, Run
-from flexarm_ros.core.parameters.sections import SECTIONS, specs
+from flexarm_ros.core.parameters.sections import keys, SECTIONS
 
 MOST_SWITCHES = 12
 """Most direction switches whose overshoots a page lists."""
@@ -229,8 +229,7 @@ def _parameter(value: Any) -> str:
 
 
 def _unit(section: str, key: str) -> str:
-    cls = SECTIONS.get(section)
-    known = specs(cls).get(key) if cls is not None else None
+    known = keys(section).get(key) if section in SECTIONS else None
     unit = known[1].unit if known else ''
     return f' <span class="unit">{escape(unit)}</span>' if unit else ''
 

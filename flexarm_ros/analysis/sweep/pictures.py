@@ -37,7 +37,7 @@ from flexarm_ros.analysis.figures.style import (
 )
 from flexarm_ros.analysis.sweep.store import Table
 from flexarm_ros.analysis.sweep_linear import BEST, Linear, WORST
-from flexarm_ros.core.parameters.sections import SECTIONS, specs
+from flexarm_ros.core.parameters.sections import keys
 from flexarm_ros.scenario.sweeps.axes import numbers_in, Parameter
 from flexarm_ros.scenario.sweeps.sweep import Sweep
 import numpy as np
@@ -255,7 +255,7 @@ def _short(name: str) -> str:
 
 def _label(name: str) -> str:
     parameter = Parameter.named(name)
-    unit = specs(SECTIONS[parameter.section])[parameter.key][1].unit
+    unit = keys(parameter.section)[parameter.key][1].unit
     return name.replace('_', ' ').replace('.', ': ') + (f', {unit}' if unit else '')
 
 

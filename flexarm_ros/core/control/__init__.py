@@ -23,7 +23,7 @@ from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
 from flexarm_ros.core.control.open_loop import OpenLoopLaw
 from flexarm_ros.core.control.pd import FlsLaw, fuzzy_gain, PdLaw
 from flexarm_ros.core.control.planned import InverseLaw, PassiveLaw
-from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.parameters.sections import OWN_LAWS, OwnLaw, RunConfig
 
 LAWS: dict[str, type[Law]] = {
     'pd': PdLaw,
@@ -39,7 +39,30 @@ LAWS: dict[str, type[Law]] = {
 PLANNING = ('inverse', 'passive', 'lqg', 'adaptive')
 """Laws that compute the whole motion before the first tick."""
 
-__all__ = ['LAWS', 'PLANNING', 'Law', 'Sample', 'gain_of', 'make_law', 'torque_fault']
+BUILT_IN = tuple(LAWS)
+
+__all__ = [
+    'BUILT_IN',
+    'LAWS',
+    'PLANNING',
+    'Law',
+    'Sample',
+    'gain_of',
+    'make_law',
+    'register_law',
+    'torque_fault',
+]
+
+
+def register_law(name: str, law: type[Law], prefix: str = '') -> None:
+    """
+    Let ``controller.law: name`` fly ``law``, its keys being ``controller.PREFIX.KEY``.
+
+    ``prefix`` left out is ``name``.  The class is taken as it is: who registers it has checked it
+    (`flexarm_ros.scenario.plugins`).
+    """
+    LAWS[name] = law
+    OWN_LAWS[name] = OwnLaw(prefix or name, law.Parameters)
 
 
 def make_law(config: RunConfig) -> Law:

@@ -17,8 +17,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 import math
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from flexarm_ros.core.parameters.sections import RunConfig
 
@@ -50,22 +51,38 @@ def torque_fault(k: int, torque: tuple[float, float]) -> str | None:
     return f'tick {k}: torque at the {("shoulder", "elbow")[joint]} is {torque[joint]} N m'
 
 
+@dataclass(frozen=True)
+class NoParameters:
+    """The parameters of a law that has none of its own."""
+
+
 class Law:
     """
     A control law: a function of the tick's sample, with internal state if needed.
 
-    `retune` may change its live gains between ticks.
+    A law from outside this package may have a ``NAME``, left out that of its class, and
+    ``Parameters``, a frozen dataclass whose fields are made by
+    `flexarm_ros.core.parameters.spec.parameter`: they are the keys ``controller.NAME.KEY``, and
+    ``self.parameters`` is the instance of the scenario.  Between ticks `retune` may give it
+    other live gains.
     """
 
+    NAME: ClassVar[str] = ''
+    Parameters: ClassVar[type] = NoParameters
+
+    parameters: Any
+    """Its own parameters, an instance of ``Parameters``; None for a law of this package."""
     gain: float = math.nan
     """The factor lambda of the last tick; nan for a law without it."""
 
     def __init__(self, config: RunConfig) -> None:
         self.config = config
+        self.parameters = config.controller.own()
 
     def retune(self, config: RunConfig) -> None:
         """Use the live gains of ``config`` from the next tick on; the state is kept."""
         self.config = config
+        self.parameters = config.controller.own()
 
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
         """Return tau1, tau2 (N m) for tick ``k``; called once per tick, in order."""

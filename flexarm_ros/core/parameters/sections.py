@@ -23,7 +23,9 @@ file if it differs from the field's (a law's gain, ``lqg.horizon``).
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.planning import PlanningParameters
@@ -43,8 +45,24 @@ __all__ = [
     'TipSensorParameters',
     'TrajectoryParameters',
     'changed',
+    'held_field',
+    'keys',
+    'made',
     'specs',
+    'values_of',
 ]
+
+
+class OwnLaw(NamedTuple):
+    """A law from outside this package: its keys are ``controller.PREFIX.KEY``."""
+
+    prefix: str
+    parameters: type
+    """A frozen dataclass of `flexarm_ros.core.parameters.spec.parameter` fields."""
+
+
+OWN_LAWS: dict[str, OwnLaw] = {}
+"""``controller.law`` -> a law from outside this package that has been registered."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +259,8 @@ class FeedbackParameters:
 
     law: str = _key(
         'fls', 'str', '', 'control law: pd is (20), fls is (21); inverse, passive, lqg, '
-        'adaptive: see docs/controllers.md',
+        'adaptive: see docs/controllers.md; or the name of an installed law, or '
+        'package.module:Class',
         choices=('pd', 'fls', 'open_loop', 'inverse', 'passive', 'lqg', 'adaptive'),
     )  # fmt: skip
     feedback: str = _key(
@@ -277,7 +296,22 @@ class FeedbackParameters:
 
 @dataclass(frozen=True)
 class ControllerParameters(PlanningParameters, FeedbackParameters):
-    """Section ``controller``: the control law and its gains."""
+    """
+    Section ``controller``: the control law and its gains.
+
+    ``laws``: ``(prefix, parameters)`` of laws from outside this package that are not at their
+    defaults.
+    """
+
+    laws: tuple[tuple[str, Any], ...] = ()
+
+    def own(self, law: str = '') -> Any:
+        """Return the parameters of the registered ``law``, left out: of this one's, or None."""
+        found = OWN_LAWS.get(law or self.law)
+        if found is None:
+            return None
+        held = dict(self.laws)
+        return held[found.prefix] if found.prefix in held else found.parameters()
 
 
 @dataclass(frozen=True)
@@ -350,10 +384,78 @@ class RunConfig:
     pace: PaceParameters = PaceParameters()
 
 
+def _own_laws() -> Iterator[tuple[str, OwnLaw]]:
+    """Yield each prefix of the registered laws once, with a law that has it."""
+    yield from {own.prefix: own for own in OWN_LAWS.values()}.items()
+
+
+def keys(section: str) -> dict[str, tuple[str, Spec, Any]]:
+    """
+    Return ``{key: (field name, Spec, default)}`` of a section, as `specs` does.
+
+    Those of registered laws are in it, and their names among the choices of ``controller.law``.
+    """
+    known = specs(SECTIONS[section])
+    if section != 'controller' or not OWN_LAWS:
+        return known
+    name, law, default = known['law']
+    known['law'] = name, replace(law, choices=(*law.choices, *OWN_LAWS)), default
+    for prefix, own in _own_laws():
+        known.update({f'{prefix}.{key}': entry for key, entry in specs(own.parameters).items()})
+    return known
+
+
+def held_field(section: str) -> str:
+    """Return the field of `RunConfig` that holds a section."""
+    return 'run' if section == '/**' else section
+
+
+def values_of(config: RunConfig, section: str) -> dict[str, Any]:
+    """
+    Return ``{key: value}`` of a section.
+
+    A registered law's keys are in it where the law flies or one of them is not at its default.
+    """
+    held = getattr(config, held_field(section))
+    values = {key: getattr(held, name) for key, (name, _, _) in specs(SECTIONS[section]).items()}
+    if section == 'controller':
+        told = dict(held.laws)
+        if held.law in OWN_LAWS:
+            told.setdefault(OWN_LAWS[held.law].prefix, held.own())
+        for prefix, own in told.items():
+            own_keys = specs(type(own)).items()
+            values.update(
+                {f'{prefix}.{key}': getattr(own, name) for key, (name, _, _) in own_keys}
+            )
+    return values
+
+
+def made(section: str, values: Mapping[str, Any]) -> Any:
+    """Return a section from its ``{key: value}``; ``KeyError`` for a key that it has not."""
+    known, left = specs(SECTIONS[section]), dict(values)
+    fields = {name: left.pop(key) for key, (name, _, _) in known.items() if key in left}
+    laws = []
+    for prefix, own in _own_laws() if section == 'controller' else ():
+        entries = specs(own.parameters).items()
+        given = {
+            name: left.pop(f'{prefix}.{key}')
+            for key, (name, _, _) in entries
+            if f'{prefix}.{key}' in left
+        }
+        parameters = own.parameters(**given)
+        if parameters != own.parameters():
+            laws.append((prefix, parameters))
+    if left:
+        raise KeyError(f'{section}.{next(iter(left))}')
+    if laws:
+        fields['laws'] = tuple(laws)
+    return SECTIONS[section](**fields)
+
+
 def changed(config: RunConfig, change: Change) -> RunConfig:
-    """Return ``config`` with a live parameter set; ``KeyError`` if there is none."""
-    name, spec, _ = specs(SECTIONS[change.node])[change.key]
+    """Return ``config`` with a live parameter set; ``KeyError`` where there is no such."""
+    _, spec, _ = keys(change.node)[change.key]
     if not spec.live:
         raise KeyError(f'{change.node}.{change.key}')
-    section = replace(getattr(config, change.node), **{name: change.value})
-    return replace(config, **{change.node: section})
+    values = {**values_of(config, change.node), change.key: change.value}
+    return replace(config, **{held_field(change.node): made(change.node, values)})

@@ -34,6 +34,9 @@ _ARTICLES = {
     'float2': 'an array of two numbers, [first, second]',
     'floats': 'an array of numbers',
 }
+KINDS = tuple(_ARTICLES)
+"""What `Spec.kind` may be."""
+
 _SMALLEST = 2.0**-1022  # below it a 64-bit number loses digits
 _TYPES: dict[str, tuple[type, ...]] = {
     'float': (int, float), 'int': (int,), 'bool': (bool,), 'str': (str,),
@@ -95,6 +98,7 @@ def specs(section: type) -> dict[str, tuple[str, Spec, Any]]:
     return {
         f.metadata['key'] or f.name: (f.name, f.metadata['spec'], f.default)
         for f in fields(section)
+        if 'spec' in f.metadata
     }
 
 

@@ -17,12 +17,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 import json
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.parameters.sections import RunConfig, RunParameters, SECTIONS
+from flexarm_ros.core.parameters.sections import (
+    held_field,
+    keys,
+    made,
+    RunConfig,
+    RunParameters,
+    SECTIONS,
+    specs,
+    values_of,
+)
+from flexarm_ros.scenario.plugins import find_laws
 
 
 class Disagreement(ValueError):
@@ -31,7 +41,8 @@ class Disagreement(ValueError):
 
 def dump_sections(config: RunConfig, role: str) -> str:
     """Return the common section and that of ``role`` as JSON (floats read back exactly)."""
-    return json.dumps({'run': asdict(config.run), role: asdict(getattr(config, role))})
+    sections = {held_field(name): values_of(config, name) for name in ('/**', role)}
+    return json.dumps(sections)
 
 
 def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
@@ -48,8 +59,8 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
             continue
         try:
             sections = json.loads(text)
-            common = _section(RunParameters, sections['run'])
-            held = _section(SECTIONS[role], sections[role])
+            common = _section('/**', sections['run'])
+            held = _section(role, sections[role])
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
             raise Disagreement(f'{node} tells no parameters of a {role}') from None
         for item in fields(RunParameters):
@@ -65,20 +76,29 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
     Return the scenario that the nodes tell, for a viewer that has none; ``own`` fills gaps.
 
     ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
-    travel in no status, an external controller tells nothing: the law then counts as one
-    without lambda.
+    travel in no status, an external controller tells nothing, a law of another package may not
+    be installed here: the law then counts as one without lambda.
     """
     try:
-        common = _section(RunParameters, json.loads(told['plant'][1])['run'])
+        common = _section('/**', json.loads(told['plant'][1])['run'])
         law = json.loads(told['controller'][1]) if 'controller' in told else {}
-        if law and law['controller']['law'] == 'open_loop':
-            law['controller'].update(law='pd', torque_file=None)
+        if law and not _is_flyable(law['controller']):
+            own_keys = specs(SECTIONS['controller'])
+            kept = {key: value for key, value in law['controller'].items() if key in own_keys}
+            law['controller'] = {**kept, 'law': 'pd', 'torque_file': None}
             told = {**told, 'controller': (told['controller'][0], json.dumps(law))}
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise Disagreement('what the nodes tell is no scenario') from None
     if not law:
         own = replace(own, controller=replace(own.controller, law='pd', torque_file=None))
     return merge_sections(replace(own, run=common), told)
+
+
+def _is_flyable(controller: Mapping[str, Any]) -> bool:
+    """Return whether a law can be made of what the controller tells."""
+    law = controller['law']
+    find_laws(law, controller, user=False)
+    return law != 'open_loop' and law in keys('controller')['law'][1].choices
 
 
 def _checked(config: RunConfig) -> RunConfig:
@@ -89,6 +109,8 @@ def _checked(config: RunConfig) -> RunConfig:
         raise Disagreement(str(error)) from None
 
 
-def _section(kind: type, values: Mapping[str, Any]) -> Any:
+def _section(name: str, values: Mapping[str, Any]) -> Any:
     """Return a section from its JSON, lists as the tuples that they were."""
-    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    if name == 'controller':  # a peer names no module to import
+        find_laws(values['law'], values, user=False)
+    return made(name, {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})

@@ -29,7 +29,7 @@ import time
 
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.changes import Change
-from flexarm_ros.core.parameters.sections import changed, RunConfig, SECTIONS, specs
+from flexarm_ros.core.parameters.sections import changed, keys, RunConfig, SECTIONS, values_of
 from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import qos_profile
@@ -49,9 +49,8 @@ class LiveParameters:
 
     def __init__(self, me: Member, membership: Membership) -> None:
         self._me, self._membership = me, membership
-        section = SECTIONS.get(me.ROLE)
-        known = specs(section) if section else {}
-        self._keys = {key: name for key, (name, spec, _) in known.items() if spec.live}
+        here = values_of(me.config, me.ROLE) if me.ROLE in SECTIONS else {}
+        self._keys = {key for key in here if keys(me.ROLE)[key][1].live}
         self.waiting: deque[tuple[str, float]] = deque()
         self._restoring = False
         self.config: RunConfig = me.config
@@ -130,8 +129,8 @@ class LiveParameters:
         self.config = me.config
         again = [
             Parameter(key, Parameter.Type.DOUBLE, value)
-            for key, name in self._keys.items()
-            if (value := getattr(getattr(me.config, me.ROLE), name)) != me.get_parameter(key).value
+            for key, value in values_of(me.config, me.ROLE).items()
+            if key in self._keys and value != me.get_parameter(key).value
         ]
         if again:
             self._restoring = True

@@ -26,7 +26,7 @@ from collections.abc import Mapping as Map
 from itertools import pairwise
 from typing import Any
 
-from flexarm_ros.core.parameters.sections import RunConfig, RunParameters, SECTIONS, Spec, specs
+from flexarm_ros.core.parameters.sections import keys, RunConfig, SECTIONS, Spec, values_of
 from flexarm_ros.nodes.runtime.own_parameters import OWN, Own
 from flexarm_ros.scenario.nodefile import NodeName, NodeParameters, read_node
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -93,12 +93,11 @@ def declare_and_load(node: Node, role: str, argv: list[str]) -> RunConfig:
     """
     given = given_parameters(node, role, argv)
     config = given.config()
-    for section, kind in (('run', RunParameters), (role, SECTIONS.get(role))):
-        for key, (name, spec, _) in specs(kind).items() if kind else ():
-            value = getattr(getattr(config, section), name)
+    for section in ('/**', role):
+        for key, value in values_of(config, section).items() if section in SECTIONS else ():
             if key == 'torque_file' and value is not None:
                 value = str(given.torque_base / value)  # a dump may be loaded from anywhere
-            _declare(node, key, spec, value)
+            _declare(node, key, keys(section)[key][1], value)
     return config
 
 

@@ -27,9 +27,10 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, Spec, specs
+from flexarm_ros.core.parameters.sections import keys, RunConfig, Spec, values_of
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.reader import FIELD_OF, find_key, full_name, PACE
+from flexarm_ros.scenario.plugins import find_laws
+from flexarm_ros.scenario.reader import find_key, full_name, PACE
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
 from flexarm_ros.scenario.yaml.treeread import as_integer, as_list, as_map, as_number, yaml_text
@@ -48,7 +49,6 @@ class Parameter:
 
     section: str
     key: str
-    spec: Spec
 
     @classmethod
     def named(cls, name: str) -> Parameter:
@@ -56,7 +56,12 @@ class Parameter:
         section, key = find_key(name)
         if key in PACE:
             raise ScenarioError(f'{name}: cannot be swept: it changes no number of a run')
-        return cls(section, key, specs(SECTIONS[section])[key][1])
+        return cls(section, key)
+
+    @property
+    def spec(self) -> Spec:
+        """Return what it takes: laws are added where an axis of ``controller.law`` names them."""
+        return keys(self.section)[self.key][1]
 
     @property
     def name(self) -> str:
@@ -64,9 +69,9 @@ class Parameter:
         return self.key if self.section == '/**' else full_name(self.section, self.key)
 
     def value_of(self, config: RunConfig) -> Any:
-        """Return its value in a scenario."""
-        field = specs(SECTIONS[self.section])[self.key][0]
-        return getattr(getattr(config, FIELD_OF[self.section]), field)
+        """Return what a scenario gives it."""
+        held = values_of(config, self.section)
+        return held[self.key] if self.key in held else keys(self.section)[self.key][2]
 
     def number_text(self, value: float) -> str:
         """Return a computed number as text, rounded to what the key accepts."""
@@ -92,6 +97,8 @@ class Parameter:
 
     def check(self, tree: Tree, where: str) -> str:
         """Return a listed value's text after checking it; ScenarioError names ``where``."""
+        if (self.section, self.key) == ('controller', 'law') and isinstance(tree, Scalar):
+            find_laws(tree.value, (), user=True)
         both = self.spec.kind == 'float2' and isinstance(tree, Scalar)
         convert(where, self.spec, Sequence((tree, tree)) if both else tree)
         return yaml_text(tree)

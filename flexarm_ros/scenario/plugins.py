@@ -1,0 +1,176 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Control laws from outside this package: found, imported, checked and registered.
+
+A law is named by an installed entry point of the group ``flexarm_ros.laws``, or as
+``package.module:Class``.  The second is imported only where the user says so: in a scenario file,
+an override or a call, never because a bag or another node names it.  For those it takes an entry
+point of that value, or `trust`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import fields, is_dataclass
+from functools import cache
+import importlib
+from importlib.metadata import entry_points, EntryPoint
+from typing import Any
+
+from flexarm_ros.core.parameters.sections import OWN_LAWS, RunConfig, SECTIONS, Spec, specs
+from flexarm_ros.core.parameters.spec import KINDS
+from flexarm_ros.scenario.errors import clip, ScenarioError
+from flexarm_ros.scenario.yaml.convert import convert
+from flexarm_ros.scenario.yaml.rclyaml import tree_of
+
+LAW_GROUP = 'flexarm_ros.laws'
+_trusted: set[str] = set()
+
+
+@cache
+def installed_laws() -> dict[str, EntryPoint]:
+    """Return the entry points of laws by name; nothing is imported."""
+    return {point.name: point for point in entry_points(group=LAW_GROUP)}
+
+
+def trust(modules: Iterable[str]) -> None:
+    """Let bags name laws of these modules, ``package.module`` or a package, in this process."""
+    _trusted.update(modules)
+
+
+def find_laws(law: object, names: Iterable[str], user: bool) -> None:
+    """
+    Import and register what a section ``controller`` needs.
+
+    ``law`` is the value of its key ``law``, ``names`` are its keys, of which the first part may
+    name an installed law.  ``user``: the user says it, so that ``package.module:Class`` is
+    imported.  What is not found is left to the check of keys and values.  Raises ScenarioError
+    where a law cannot be imported or is none.
+    """
+    known = specs(SECTIONS['controller'])
+    if isinstance(law, str) and law not in known['law'][1].choices:
+        _find_law(law, user)
+    prefixes = {name.partition('.')[0] for name in names} - {
+        own.prefix for own in OWN_LAWS.values()
+    }
+    for prefix in prefixes - {key.partition('.')[0] for key in known}:
+        if prefix in installed_laws():
+            _find_law(prefix, user)
+
+
+def find_laws_of(config: RunConfig) -> None:
+    """Register the laws of a user's scenario that came from another process."""
+    held = (f'{prefix}.' for prefix, _ in config.controller.laws)
+    find_laws(config.controller.law, held, user=True)
+
+
+def _find_law(law: str, user: bool) -> None:
+    if law in OWN_LAWS:
+        return
+    if law in installed_laws():
+        point = installed_laws()[law]
+        register(_imported(law, point.module, point.attr), law)
+    elif ':' in law and (user or _is_trusted(law)):
+        module, _, attribute = law.partition(':')
+        register(_imported(law, module, attribute), law)
+    elif user and installed_laws():
+        choices = (*specs(SECTIONS['controller'])['law'][1].choices, *installed_laws())
+        raise ScenarioError(
+            f'controller.law: {clip(law)!r} is not allowed; one of {", ".join(choices)}, or '
+            'package.module:Class'
+        )
+
+
+def _is_trusted(law: str) -> bool:
+    module = law.partition(':')[0]
+    return any(f'{module}.'.startswith(f'{name}.') for name in _trusted) or any(
+        point.value == law for point in installed_laws().values()
+    )
+
+
+def _imported(law: str, module: str, attribute: str) -> Any:
+    where = f'controller.law: {clip(law)}'
+    parts = [*module.split('.'), *attribute.split('.')]
+    if not all(part.isidentifier() for part in parts):
+        raise ScenarioError(f'{where}: give package.module:Class')
+    try:
+        found: Any = importlib.import_module(module)
+        for part in attribute.split('.'):
+            found = getattr(found, part)
+    except Exception as error:  # whatever the module does when it is imported
+        text = clip(' '.join(f'{type(error).__name__}: {error}'.split()), 200)
+        hint = ''
+        if isinstance(error, ModuleNotFoundError):
+            hint = ' (is it installed, or its directory on PYTHONPATH?)'
+        raise ScenarioError(f'{where}: cannot be imported: {text}{hint}') from None
+    return found
+
+
+def register(law: Any, name: str = '') -> str:
+    """
+    Check a law's class, let scenarios name it, and return its name.
+
+    ``name`` is an entry point's, or ``package.module:Class``; left out, the class's own is taken.
+    A class of the same name is replaced if it is of the same module, as in a notebook that
+    defines it anew.  Raises ScenarioError.
+    """
+    from flexarm_ros.core.control import LAWS, register_law
+
+    where = f'controller.law: {clip(name or repr(law))}'
+    _check_class(where, law)
+    own_name = law.NAME or law.__name__
+    name = name or own_name
+    prefix = own_name if ':' in name else name
+    if not prefix.isidentifier() or not prefix.isascii():
+        raise ScenarioError(f'{where}: {clip(prefix)!r} is not a name of letters, digits and _')
+    if prefix in {key.partition('.')[0] for key in specs(SECTIONS['controller'])} | {
+        *specs(SECTIONS['controller'])['law'][1].choices
+    }:
+        raise ScenarioError(f"{where}: {prefix} is a name of this package's; give it another NAME")
+    for other, own in OWN_LAWS.items():
+        before = LAWS[other]
+        same = (before.__module__, before.__qualname__) == (law.__module__, law.__qualname__)
+        if own.prefix == prefix and not same:
+            raise ScenarioError(
+                f'{where}: the name {prefix} is taken by {before.__module__}:{before.__qualname__}'
+            )
+    for key, (_, spec, default) in specs(law.Parameters).items():
+        if default is not None:
+            convert(f'controller.{prefix}.{key}: default', spec, tree_of(default))
+    register_law(name, law, prefix)
+    return name
+
+
+def _check_class(where: str, law: Any) -> None:
+    from flexarm_ros.core.control import Law
+
+    if not isinstance(law, type) or not issubclass(law, Law):
+        raise ScenarioError(f'{where}: not a subclass of flexarm_ros.core.control.Law')
+    declared = law.Parameters
+    settings: Any = getattr(declared, '__dataclass_params__', None)
+    if not isinstance(declared, type) or not is_dataclass(declared) or not settings.frozen:
+        raise ScenarioError(f'{where}: Parameters is not a frozen dataclass')
+    for field in fields(declared):
+        spec = field.metadata.get('spec')
+        if not isinstance(spec, Spec):
+            raise ScenarioError(f'{where}: Parameters.{field.name} is not made by parameter()')
+        if spec.kind not in KINDS:
+            raise ScenarioError(
+                f'{where}: Parameters.{field.name}: kind {spec.kind!r} is not one of '
+                f'{", ".join(KINDS)}'
+            )
+        if spec.live and spec.kind != 'float':
+            raise ScenarioError(f'{where}: Parameters.{field.name}: only a float may be live')
