@@ -36,6 +36,7 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.trajectory_rows import COLUMNS, Row, Rows
 from flexarm_ros.core.timeline import Timeline
@@ -43,12 +44,6 @@ from flexarm_ros.wire.topics import COMMAND, REFERENCE, STATE, TIP
 
 TRAJECTORY = 'trajectory.csv'
 SUMMARY = 'summary.json'
-
-METRICS = (
-    'rms_error', 'max_error', 'tip_rms_error', 'tip_max_error', 'overshoot', 'max_overshoot',
-    'tip_overshoot', 'max_deflection', 'max_torque', 'ticks',
-)  # fmt: skip
-"""Keys of `flexarm_ros.core.run.metrics.Metrics.result`."""
 
 _ROS_PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp')
 

@@ -21,19 +21,8 @@ import sys
 from typing import Any
 
 from flexarm_ros.cli import UsageError
+from flexarm_ros.core.run.metric_list import METRICS
 from flexarm_ros.scenario.errors import clip
-
-_METRICS = (
-    ('rms_error', 'rms error', 'm'),
-    ('max_error', 'max error', 'm'),
-    ('tip_rms_error', 'rms error, bent tip', 'm'),
-    ('tip_max_error', 'max error, bent tip', 'm'),
-    ('overshoot', 'overshoot', 'm'),
-    ('max_overshoot', 'max overshoot', 'm'),
-    ('tip_overshoot', 'overshoot, bent tip', 'm'),
-    ('max_deflection', 'max deflection', 'm'),
-    ('max_torque', 'max torque', 'N m'),
-)
 
 
 def check_utf8(option: str, text: str) -> None:
@@ -101,7 +90,7 @@ def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = Fals
         rows.append(('external', ', '.join(summary['external'])))
     rows += [
         (label, f'{shown} {unit}')
-        for key, label, unit in _METRICS
+        for key, label, unit, _ in METRICS
         if (shown := format_metric(summary.get(key))) not in ('', '-')
     ]
     for label, path in (

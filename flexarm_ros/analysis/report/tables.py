@@ -34,19 +34,11 @@ MOST_SWITCHES = 12
 LONGEST = 300
 """Most characters of a text from a file that a page shows."""
 
-METRICS: tuple[tuple[str, str, str], ...] = (
-    ('rms_error', 'Error, rms', 'm'),
-    ('max_error', 'Error, largest', 'm'),
-    ('overshoot', 'Overshoot', 'm'),
-    ('max_overshoot', 'Overshoot, largest', 'm'),
-    ('tip_rms_error', "True tip's error, rms", 'm'),
-    ('tip_max_error', "True tip's error, largest", 'm'),
-    ('tip_overshoot', "True tip's overshoot", 'm'),
-    ('max_deflection', 'Deflection, largest', 'm'),
-    ('max_torque', 'Torque, largest', 'N m'),
-    ('ticks', 'Ticks', ''),
-    ('wall_s', 'Wall time', 's'),
-    ('rtf', 'Real-time factor', ''),
+_METRICS = (
+    *((metric.name, metric.title, metric.unit) for metric in METRICS),
+    ('ticks', 'ticks', ''),
+    ('wall_s', 'wall time', 's'),
+    ('rtf', 'real-time factor', ''),
 )
 """Key of ``summary.json``, label, unit."""
 
@@ -82,7 +74,8 @@ def metrics_table(runs: Sequence[Run]) -> str:
     if any(run.external for run in runs):
         named = [text(', '.join(run.external)) or 'none' for run in runs]
         rows.append(_row('External nodes', '', named))
-    for key, name, unit in METRICS:
+    for key, title, unit in _METRICS:
+        name = title[0].upper() + title[1:]
         values = [run.summary.get(key) for run in runs]
         if any(isinstance(value, list) for value in values):
             rows += _list_rows(name, unit, values)

@@ -38,12 +38,11 @@ from flexarm_ros.scenario.sweeps.sweep import Sweep
 
 IDENTITY, ROWS, TABLE, PARQUET = 'sweep.json', 'rows.jsonl', 'table.csv', 'table.parquet'
 
-_FIRST = ('index',)
 _LAST = (
-    'outcome', 'error', 'stable', 'unstable_tick', 'ticks', 'rms_error', 'max_error',
-    'tip_rms_error', 'tip_max_error', 'max_overshoot', 'max_deflection', 'max_torque',
+    'outcome', 'error', 'stable', 'unstable_tick', 'ticks',
+    *(metric.name for metric in METRICS if not metric.per_switch),
 )  # fmt: skip
-_LISTS = ('overshoot', 'tip_overshoot')
+_LISTS = tuple(metric.name for metric in METRICS if metric.per_switch)
 
 Cell = Any
 Table = dict[str, list[Cell]]

@@ -29,6 +29,7 @@ import operator
 import re
 from typing import Any
 
+from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
 from flexarm_ros.scenario.yaml.rclyaml import Mapping as MapTree
 from flexarm_ros.scenario.yaml.rclyaml import Scalar, Sequence, show, Tree
@@ -37,9 +38,7 @@ from flexarm_ros.scenario.yaml.treeread import as_list, as_map, as_number
 Metrics = Mapping[str, Any]
 
 METRICS = (
-    'stable', 'rms_error', 'max_error', 'tip_rms_error', 'tip_max_error', 'overshoot',
-    'max_overshoot', 'tip_overshoot', 'max_deflection', 'max_torque', 'ticks', 'wall_s', 'rtf',
-    'complete', 'unstable_tick', 'problem', 'status',
+    'stable', *NAMES, 'wall_s', 'rtf', 'complete', 'unstable_tick', 'problem', 'status',
 )  # fmt: skip
 """Names that may be expected: those of ``summary.json``, and ``status``, the exit status of the
 run alone."""
