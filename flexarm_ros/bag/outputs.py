@@ -36,7 +36,6 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.trajectory_rows import COLUMNS, Row, Rows
 from flexarm_ros.core.timeline import Timeline
