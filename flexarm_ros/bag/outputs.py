@@ -36,6 +36,7 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.trajectory_rows import COLUMNS, Row, Rows
 from flexarm_ros.core.timeline import Timeline
@@ -134,7 +135,7 @@ def summary_of(
 
 def unfinished_summary(config: RunConfig, provenance: Provenance) -> dict[str, Any]:
     """Return the content of ``summary.json`` for a run that is in progress or was cut off."""
-    metrics = {**dict.fromkeys(METRICS), 'ticks': 0}
+    metrics = {**dict.fromkeys(NAMES), 'ticks': 0}
     return {
         **summary_of(config, metrics, provenance),
         'ticks': None,
