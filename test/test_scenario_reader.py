@@ -209,7 +209,7 @@ WRONG = {
     ),
     'no substeps': (
         params('plant', 'mass_density: [1e-300, 1e-300]'),
-        ['plant.substeps', 'left out', '100000'],
+        ['plant.substeps', 'not set', '100000'],
     ),
     'no torques': (params('controller', 'law: open_loop'), ['controller.torque_file', 'missing']),
     'array of arrays': (params('plant', 'length: [[1], 2]'), ['plant.length']),
