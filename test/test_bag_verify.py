@@ -422,7 +422,12 @@ RUN_KEY = ('    seed: 0\n', '    seed: 0\n    burst_limit: 100\n')
 @pytest.mark.parametrize(
     ('edit', 'section', 'said', 'left'),
     [
-        (LAW, 'controller', 'law: evil_law:Law is not known; unknown key evil', 'controller'),
+        (
+            LAW,
+            'controller',
+            'law: evil_law:Law is not known (--trust evil_law uses it); unknown key evil',
+            'controller',
+        ),
         (SECTION, 'imu', 'unknown section', ''),
         (KEY, 'tip_sensor', 'unknown key jitter', 'tip_sensor'),
         (CHOICE, 'trajectory', 'kind: spline is not known', 'trajectory'),

@@ -131,7 +131,7 @@ def test_that_nothing_can_be_kept_is_said_once(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_under_the_cache_is_named_once(copy: Copy, tmp_path: Path) -> None:
-    more = 'from flexarm_ros.core.fls import fls_lambda\nfls_lambda(0.1, 0.1)'
+    more = 'from flexarm_ros.core.control.fls import fls_lambda\nfls_lambda(0.1, 0.1)'
     with small_disk(tmp_path / 'disk', '8k') as disk:
         done = copy.run(f'{PROGRAM}\n{more}', NUMBA_CACHE_DIR=str(disk))
         assert done.stdout.strip() == RIGHT
