@@ -68,7 +68,7 @@ def test_a_subscription_of_the_default_depth_hears_every_reference(
     try:
         assert listener.stdout is not None
         assert listener.stdout.readline() == 'listening\n'
-        done = flexarm('run', 'fls_tip', '--rtf', '0.1', '--set', 'duration=0.3', '--no-pictures',
+        done = flexarm('run', 'fls_tip', '--rtf', '0.05', '--set', 'duration=0.3', '--no-pictures',
                        '--out', tmp_path / 'run')  # fmt: skip
         assert done.returncode == 0, done.stderr
     finally:

@@ -139,7 +139,7 @@ def test_a_middleware_that_cannot_do_is_refused_by_name(
 class _Topic:
     """A topic of which the middleware has connected so many publishers."""
 
-    name = 'joint_command'
+    name, every, late = 'joint_command', 1, False
 
     def __init__(self, publishers: int) -> None:
         self.publishers = publishers

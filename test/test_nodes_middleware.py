@@ -93,3 +93,17 @@ def test_a_file_where_the_user_stands_stays_the_one_that_counts(tmp_path: Path) 
     (tmp_path / 'DEFAULT_FASTDDS_PROFILES.xml').write_text('<dds/>')
     prepare()
     assert not VARIABLES & set(os.environ)
+
+
+def test_a_process_that_cannot_leave_ends_with_its_status() -> None:
+    """Fast DDS keeps one now and then from leaving a run in which all was well."""
+    code = """
+import time
+from flexarm_ros.nodes.runtime import shutdown_watchdog as watchdog
+watchdog._OWN_LIMIT_S = 0.2
+with watchdog.leaving({status}):
+    time.sleep(30.0)
+"""
+    for status in (0, 3):
+        words = [sys.executable, '-c', code.format(status=status)]
+        assert subprocess.run(words, timeout=20).returncode == status

@@ -80,9 +80,10 @@ def run_process(name: str, argv: list[str]) -> int:
     except ValueError as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
-    supervisor = Supervisor()
+    supervisor, status = Supervisor(), 1
     try:
-        return _run(_composed(argv) if name == COMPOSE else [name], argv, supervisor)
+        status = _run(_composed(argv) if name == COMPOSE else [name], argv, supervisor)
+        return status
     except ScenarioError as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
@@ -94,7 +95,7 @@ def run_process(name: str, argv: list[str]) -> int:
         supervisor.report(name, phase='failed', blame=name, text=describe(error))
         return 1
     finally:
-        with leaving():
+        with leaving(status):
             gc.collect()  # a node that was half made: destroyed at exit it ends in SIGSEGV
             rclpy.try_shutdown()
 
@@ -121,13 +122,15 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     try:
         spin(nodes)
     finally:
-        with leaving():
+        status = signals.status or int(any(n.failure or n.failed_run for n in nodes))
+        done = all(node.finished for node in nodes)
+        with leaving(status if done else 1):
             executor.shutdown(timeout_sec=1.0)
             services.join(timeout=1.0)
             for node in nodes:
                 node.tell_invalid()
                 node.destroy_node()
-    return signals.status or (1 if any(n.failure or n.failed_run for n in nodes) else 0)
+    return status
 
 
 def node_class(role: str) -> type[Participant]:
