@@ -22,7 +22,6 @@ from typing import Any
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import answer_of, STATE
 from flexarm_ros.core.run.state import MessageState
-from flexarm_ros.nodes.runtime.channels import Input
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.wire.topics import per_tick_topics
@@ -38,6 +37,7 @@ class AnsweringNode(Participant):
         self._late = kind.LATE
         self._reads = [self.inputs[name] for name in kind.READS]
         self._state = self.inputs[STATE] if STATE in kind.READS else None
+        self._place = kind.READS.index(STATE) if STATE in kind.READS else None
         # Here before they are needed: taken while the plant has its turn.
         self._ahead = [entry for entry in self._reads if entry.topic.ahead]
         self._configure(self.config)
@@ -45,7 +45,7 @@ class AnsweringNode(Participant):
     def rehearse(self) -> None:
         """Compile before the run."""
         zeros = [(0.0,) * len(entry.topic.codec.fields) for entry in self._reads]
-        copy.deepcopy(self._part).answer(0, *map(_view, self._reads, zeros))
+        copy.deepcopy(self._part).answer(0, *self._views(zeros))
 
     def check_live(self, config: RunConfig) -> None:
         """Raise ValueError where the part cannot take a live parameter of ``config``."""
@@ -69,7 +69,7 @@ class AnsweringNode(Participant):
         if not self.have(*reads):
             return False
         tick = self.tick
-        answer = self._part.answer(tick, *[_view(entry, entry.values) for entry in reads])
+        answer = self._part.answer(tick, *self._views([entry.values for entry in reads]))
         fault = self._part.fault(tick, answer)
         if fault is not None:
             raise RunFailed(self._part.title, fault)
@@ -83,6 +83,12 @@ class AnsweringNode(Participant):
         for entry in self._ahead:
             entry.fetch(self.tick)
         return True
+
+    def _views(self, values: list[Any]) -> list[Any]:
+        """Return the values of each input's message as parts take them."""
+        if self._place is not None:
+            values[self._place] = MessageState(values[self._place])
+        return values
 
     def waiting_for(self) -> tuple[str, str]:
         """Blame the plant where there is no state, else whoever is silent."""
@@ -101,8 +107,3 @@ class AnsweringNode(Participant):
 def answering_node(role: str) -> type[AnsweringNode]:
     """Return the class of the node that fills ``role``."""
     return type(f'{answer_of(role).__name__}Node', (AnsweringNode,), {'ROLE': role})
-
-
-def _view(entry: Input, values: tuple[float, ...]) -> Any:
-    """Return the values of a message as parts take them."""
-    return MessageState(values) if entry.topic.name == STATE else values

@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.arm import plant_full
 from flexarm_ros.core.arm.plant import choose_substeps, Plant
 from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices, Eq14Plant
 from flexarm_ros.core.parameters.sections import RunConfig
@@ -28,6 +27,8 @@ import numpy as np
 def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
     if config.plant.model == 'full':
+        from flexarm_ros.core.arm import plant_full
+
         return float(plant_full.highest_frequency(config))
     return Eq14Matrices(config.plant).highest_rate()
 
@@ -48,7 +49,9 @@ def make_plant(config: RunConfig) -> Plant:
     """
     plant: Plant
     if config.plant.model == 'full':
-        plant = plant_full.FullPlant(config)
+        from flexarm_ros.core.arm.plant_full import FullPlant
+
+        plant = FullPlant(config)
     else:
         plant = Eq14Plant(config)
     q, qd = np.zeros(len(plant.names)), np.zeros(len(plant.names))

@@ -93,11 +93,12 @@ def declare_and_load(node: Node, role: str, argv: list[str]) -> RunConfig:
     """
     given = given_parameters(node, role, argv)
     config = given.config()
-    for section in ('/**', role):
-        for key, value in values_of(config, section).items() if section in SECTIONS else ():
+    for section in ('/**', role) if role in SECTIONS else ('/**',):
+        known = keys(section)
+        for key, value in values_of(config, section).items():
             if key == 'torque_file' and value is not None:
                 value = str(given.torque_base / value)  # a dump may be loaded from anywhere
-            _declare(node, key, keys(section)[key][1], value)
+            _declare(node, key, known[key][1], value)
     return config
 
 
