@@ -23,10 +23,10 @@ from typing import NamedTuple
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.outputs import block_rows
 from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.core.run.state import MessageState
 from flexarm_ros.core.run.trajectory_rows import Row, Rows
 from flexarm_ros.core.timeline import NS_PER_S
-from flexarm_ros.wire.topics import COMMAND, REFERENCE, split_state, STATE, TIP
-import numpy as np
+from flexarm_ros.wire.topics import COMMAND, REFERENCE, STATE, TIP
 
 _NAN = (math.nan, math.nan)
 
@@ -59,23 +59,24 @@ def _own(reader: BagReader) -> Iterator[TickRow]:
 
 def _matched(reader: BagReader) -> Iterator[TickRow]:
     rows = Rows(reader.config) if reader.has_scenario else None
-    size = len(reader.topics[STATE].codec.fields) // 2 - 2
     due = 0
     for tick, messages in reader.ticks():
         state = _values(reader, tick, STATE, messages)
         if state is None:
             continue
-        q, qd, deflection = split_state(state, size)
-        ends = (deflection[0], deflection[1])
+        arm = MessageState(state)
         measured, torque = (_values(reader, tick, topic, messages) for topic in (TIP, COMMAND))
         due += due == tick and measured is not None and torque is not None
         point, effort = _pair(measured), _pair(torque)
         if rows is not None:
-            row = rows.row(tick, np.array(q), np.array(qd), ends, point, effort)
+            row = rows.row(tick, arm.q, arm.qd, arm.ends[:2], point, effort)
         else:
             target = _pair(_values(reader, tick, REFERENCE, messages))
             time = tick * reader.timeline.period_ns / NS_PER_S
-            row = (time, *q[:2], *qd[:2], *ends, *_NAN * 3, *point, *target, *effort, math.nan)
+            row = (
+                time, *arm.positions[:2], *arm.rates[:2], *arm.ends[:2], *_NAN * 3, *point,
+                *target, *effort, math.nan,
+            )  # fmt: skip
         yield TickRow(tick, row, due > tick)
 
 

@@ -24,15 +24,11 @@ the data flow: clock, state, measurements and reference, torque.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
-from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
 from flexarm_ros.core.run import parts
-from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, LINKS, PlanarPoint
+from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, PlanarPoint
 from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
-
-_Values = TypeVar('_Values', tuple[float, ...], FloatArray)
 
 _NAMES = [signal.name for _, signal in parts.signals(RunConfig())]
 CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = map(
@@ -95,13 +91,6 @@ class Topic:
     def type_name(self) -> str:
         """ROS 2 type, as ``sensor_msgs/msg/JointState``."""
         return self.codec.type_name
-
-
-def split_state(values: _Values, size: int) -> tuple[_Values, _Values, _Values]:
-    """Split the values of ``plant/state``: ``size`` coordinates, their rates, end deflections."""
-    half = size + len(LINKS)
-    end = half + size
-    return values[:size], values[half:end], values[size:half]
 
 
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:

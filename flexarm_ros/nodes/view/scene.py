@@ -23,13 +23,13 @@ import math
 from flexarm_ros.core.arm.arm_line import ArmLine
 from flexarm_ros.core.control import gain_of
 from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.state import MessageState
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.topics import (
     COMMAND,
     per_tick_topics,
     REFERENCE,
-    split_state,
     STATE,
     TIP,
     Topic,
@@ -128,13 +128,13 @@ class Scene:
 
     def frame(self) -> Frame | None:
         """Return the current arm; None before its first state or if that is not finite."""
-        state, n = self._latest.get(STATE), self._size
+        state = self._latest.get(STATE)
         if state is None or not np.isfinite(state).all():
             return None
-        q, qd, _ = split_state(np.array(state), n)
-        line = self._line.at(q, qd)
+        arm = MessageState(state)
+        line = self._line.at(arm.q, arm.qd)
         reference = self._pair(REFERENCE)
-        ends = (state[n], state[n + 1])
+        ends = arm.ends[:2]
         self.trail.append(line[-1])
         if math.isfinite(reference[0]):
             self.path.append(reference)
