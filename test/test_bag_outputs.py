@@ -40,6 +40,7 @@ from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 HEADER = (
     't,theta1,theta2,dtheta1,dtheta2,delta1,delta2,elbow_x,elbow_y,tip_x,tip_y,rigid_x,rigid_y,'
@@ -296,6 +297,19 @@ def test_export_parquet(run: Path, tmp_path: Path) -> None:
     assert [str(f.type) for f in table.schema][:3] == ['int64', 'int64', 'double']
     (block, *_) = BagReader(run).blocks(600)
     assert np.array_equal(table['position.link1'].to_numpy(), block.values[STATE][:, 4])
+
+
+def test_export_mat(run: Path, tmp_path: Path) -> None:
+    rows = export(run, tmp_path / 'out', 'mat').rows
+    assert rows['plant_state.mat'] == rows['trajectory.mat'] == 600
+    assert len(list((tmp_path / 'out').glob('*.mat'))) == len(rows)
+    state = loadmat(tmp_path / 'out' / 'plant_state.mat', squeeze_me=True)['plant_state'][()]
+    assert state['stamp_ns'].dtype == np.int64
+    (block, *_) = BagReader(run).blocks(600)
+    assert np.array_equal(state['position_link1'], block.values[STATE][:, 4])
+    flown = loadmat(tmp_path / 'out' / 'trajectory.mat')['trajectory'][0, 0]
+    assert flown['tau2'].shape == (600, 1)
+    assert np.array_equal(flown['tau2'][:, 0], columns(run / 'trajectory.csv')['tau2'])
 
 
 def test_export_parquet_without_pyarrow(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Export of a bag: a table per topic, the trajectory (CSV or Parquet), the scenario."""
+"""Export of a bag: a table per topic, the trajectory (CSV, Parquet or MATLAB), the scenario."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from importlib import import_module
 from itertools import islice
 import os
 from pathlib import Path
+import re
 import shutil
-from typing import Any
+from typing import Any, Protocol
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.embedded_metadata import bag_config, SCENARIO_FILE, TORQUES_FILE
@@ -36,9 +37,12 @@ from flexarm_ros.bag.trajectory import trajectory
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from flexarm_ros.wire.topics import Topic
+import numpy as np
 
 CHANGES_FILE = 'changes.csv'
 """Parameters changed during the run, which a scenario cannot express."""
+MATLAB_UNSAFE = re.compile(r'\W')
+"""Characters that a MATLAB field name cannot have."""
 NO_PYARROW = 'parquet needs pyarrow, which is not installed: pip install pyarrow'
 
 
@@ -125,7 +129,7 @@ def _write_scenario(reader: BagReader, target: Path) -> None:
 def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:
     with ExitStack() as stack:
 
-        def opened(name: str, columns: Sequence[str], integers: int) -> _CsvFile | _ParquetFile:
+        def opened(name: str, columns: Sequence[str], integers: int) -> _Table:
             file = _open(target, name, columns, integers, file_format)
             stack.callback(file.close)
             return file
@@ -200,13 +204,55 @@ class _ParquetFile:
         self._writer.close()
 
 
+class _MatFile:
+    """
+    A MATLAB file (version 5) with one variable, a struct of column vectors named as the columns.
+
+    The format has no way to append, so the columns are held in memory until the file is closed.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str], integers: int) -> None:
+        self.name, self.rows = path.name, 0
+        self._path = path
+        self._kinds = [np.int64] * integers + [np.float64] * (len(columns) - integers)
+        self._names, self._blocks = columns, [[np.empty(0, kind)] for kind in self._kinds]
+
+    def write(self, columns: list[list[Any]]) -> None:
+        """Append rows, given column by column."""
+        self.rows += len(columns[0])
+        for kind, blocks, column in zip(self._kinds, self._blocks, columns, strict=True):
+            blocks.append(np.array(column, kind))
+
+    def close(self) -> None:
+        """Write the file."""
+        from scipy.io import savemat  # 0.1 s to import
+
+        arrays = {
+            MATLAB_UNSAFE.sub('_', name): np.concatenate(blocks)
+            for name, blocks in zip(self._names, self._blocks, strict=True)
+        }
+        savemat(self._path, {self._path.stem: arrays}, long_field_names=True, oned_as='column')
+
+
+class _Table(Protocol):
+    """A file of rows under construction."""
+
+    name: str
+    rows: int
+
+    def write(self, columns: list[list[Any]]) -> None: ...
+
+    def close(self) -> None: ...
+
+
 def _open(
     directory: Path, name: str, columns: Sequence[str], integers: int, file_format: str
-) -> _CsvFile | _ParquetFile:
+) -> _Table:
     path = directory / f'{name}.{file_format}'
     if file_format == 'csv':
         return _CsvFile(path, columns)
-    return _ParquetFile(path, columns, integers)
+    kind = _MatFile if file_format == 'mat' else _ParquetFile
+    return kind(path, columns, integers)
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm export``: export a bag's messages as CSV or Parquet."""
+"""``flexarm export``: export a bag's messages as CSV, Parquet or MATLAB files."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ def add_parser(subparsers: Any) -> None:
     """Add the command to the main parser."""
     parser = subparsers.add_parser(
         'export',
-        help="export a bag's messages as CSV or Parquet",
+        help="export a bag's messages as CSV, Parquet or MATLAB files",
         description="Write one table for each topic of BAG (a run's directory, the bag in it or "
         'the .mcap file), the trajectory, and scenario.yaml, which repeats the run, into the new '
-        'directory DIR. Parquet needs pyarrow.',
+        'directory DIR. Parquet needs pyarrow. A MATLAB file has one struct of column '
+        'vectors.',
         epilog='Exit status: 0 exported; 1 not possible, or the bag is damaged and was exported '
         'up to the damage; 2 bad usage.',
     )
     parser.add_argument('bag', metavar='BAG', help='a bag, or the output directory of a run')
-    parser.add_argument('--format', choices=('csv', 'parquet'), default='csv')
+    parser.add_argument('--format', choices=('csv', 'parquet', 'mat'), default='csv')
     parser.add_argument('--out', metavar='DIR', required=True, help='new directory for the files')
     add_bag_options(parser)
 
