@@ -14,10 +14,13 @@
 
 """Install flexarm_ros: by pip with or without an ament index around it, and by colcon."""
 
+import gzip
 import os
 from pathlib import Path
+import tarfile
 
 from setuptools import find_packages, setup
+from setuptools.command.sdist import sdist
 
 PACKAGE = 'flexarm_ros'
 # Not resolved: `colcon build --symlink-install` links this file into a build directory, where the
@@ -54,6 +57,35 @@ def shared_files():
     return [(directory, names) for directory, names in groups if names]
 
 
+class ReproducibleSdist(sdist):
+    """An sdist of the same sources has the same bytes, as a wheel has by SOURCE_DATE_EPOCH."""
+
+    def make_archive(
+        self, base_name, format, root_dir=None, base_dir=None, owner=None, group=None
+    ):
+        """Write a .tar.gz with files in order, one time stamp and no user; return its path."""
+        if format != 'gztar':
+            return super().make_archive(base_name, format, root_dir, base_dir, owner, group)
+        epoch, path = int(os.environ['SOURCE_DATE_EPOCH']), f'{base_name}.tar.gz'
+
+        def plain(member):
+            member.mtime, member.uid, member.gid, member.uname, member.gname = epoch, 0, 0, '', ''
+            member.mode = 0o755 if member.isdir() or member.mode & 0o100 else 0o644
+            return member
+
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        with (
+            open(path, 'wb') as raw,
+            gzip.GzipFile('', 'wb', mtime=epoch, fileobj=raw) as packed,
+            tarfile.open(fileobj=packed, mode='w', format=tarfile.PAX_FORMAT) as archive,
+        ):
+            archive.add(base_dir, filter=plain)  # in order of name
+        return path
+
+
+# The ZIP format, and so a wheel, knows no earlier time.
+os.environ.setdefault('SOURCE_DATE_EPOCH', '315532800')
+
 REQUIREMENTS = [
     'PyYAML',
     'lz4',
@@ -85,6 +117,7 @@ EXTRAS = {
     'dev': [
         # Another multibody code, in tests and `make validate` only; it has wheels for these alone.
         "exudyn; platform_machine == 'x86_64' and python_version < '3.14'",
+        'build',  # the tests build the sdist and the wheel twice
         'colcon-common-extensions',  # the tests install the package as a full ROS 2 does
         'distributed',  # else the test of a Dask cluster is skipped
         'hypothesis',
@@ -95,6 +128,7 @@ EXTRAS = {
         'pytest',
         'pytest-xdist',  # `make test` runs two tests at once
         'ruff',
+        'twine',  # checks them
         'types-PyYAML',
         'uv',  # `make lock`, and the environments of `make pythons`
         *VIEW,
@@ -138,4 +172,5 @@ setup(
         'pytest11': ['flexarm = flexarm_ros.launcher.pytest_plugin'],
     },
     zip_safe=False,
+    cmdclass={'sdist': ReproducibleSdist},
 )
