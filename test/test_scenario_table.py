@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The table of parameters in the README is the one that the definitions give."""
+"""The tables of parameters in the documentation are those that the definitions give."""
 
 from __future__ import annotations
 
@@ -23,15 +23,19 @@ from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS, specs
 from flexarm_ros.scenario import table
 import pytest
 
-README = Path(__file__).resolve().parent.parent / 'README.md'
+PAGE = Path(__file__).resolve().parent.parent / 'docs' / 'reference' / 'parameters.md'
 
 
-def test_every_parameter_has_a_row_of_six_cells() -> None:
-    rows = table.markdown().splitlines()[2:]
-    sections = [*SECTIONS.items(), ('/**', PaceParameters)]
-    names = [f'`{section}.{key}`' for section, cls in sections for key in specs(cls)]
-    assert [row.split(' | ')[0].removeprefix('| ') for row in rows] == names
-    assert all(row.replace('\\|', '').count('|') == 7 for row in rows)
+def test_every_parameter_has_a_row_of_three_cells() -> None:
+    lines = table.markdown().splitlines()
+    rows = [line for line in lines if line.startswith('| `')]
+    sections = [('/**', SECTIONS['/**']), ('/**', PaceParameters), *SECTIONS.items()]
+    names = list(dict.fromkeys((section, key) for section, cls in sections for key in specs(cls)))
+    assert [row.split(' | ')[0].removeprefix('| ').strip('`') for row in rows] == [
+        key for _, key in names
+    ]
+    assert all(row.replace('\\|', '').count('|') == 4 for row in rows)
+    assert [line for line in lines if line.startswith('## ')] == [f'## {s}' for s in SECTIONS]
 
 
 def test_the_table_goes_between_its_marks() -> None:
@@ -42,11 +46,9 @@ def test_the_table_goes_between_its_marks() -> None:
         table.with_table('a\n')
 
 
-def test_the_readme_has_the_table_of_now() -> None:
-    text = README.read_text('utf-8') if README.exists() else ''
-    if table.BEGIN not in text:
-        pytest.skip('the README has no table of parameters yet')
-    assert table.with_table(text) == text, 'run: python -m flexarm_ros.scenario.table README.md'
+def test_the_page_has_the_tables_of_now() -> None:
+    text = PAGE.read_text('utf-8')
+    assert table.with_table(text) == text, f'run: python -m flexarm_ros.scenario.table {PAGE}'
 
 
 def test_what_is_left_out_is_resolved_as_it_is_taken() -> None:

@@ -81,7 +81,7 @@ class Given:
 Section = dict[str, Given]
 Files = Collection[Path | None]
 
-_LIST = '; see `ros2 param list`, or the README'
+_LIST = '; see `ros2 param list`, or docs/reference/parameters.md'
 
 
 @dataclass

@@ -258,7 +258,11 @@ def nearest(section: str, key: str) -> str:
                 return f"; did you mean '{full_name(other, candidate)}'?"
     names = {full_name(s, k): None for s in SECTIONS for k in known_keys(s)}
     own = suggestion(full_name(section, key), [n for n in names if n.startswith(f'{section}.')])
-    return own or suggestion(full_name(section, key), names) or '; the README lists every key'
+    return (
+        own
+        or suggestion(full_name(section, key), names)
+        or '; docs/reference/parameters.md lists every key'
+    )
 
 
 def _read(text: str, name: str, user: bool = False) -> Values:

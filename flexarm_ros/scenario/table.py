@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The README's table of parameters, generated from their definitions.
+The tables of parameters in docs/reference/parameters.md, generated from their definitions.
 
-``python -m flexarm_ros.scenario.table`` prints it; ``python -m flexarm_ros.scenario.table
-README.md`` inserts it between the lines ``<!-- parameters -->`` and ``<!-- /parameters -->``.
+``python -m flexarm_ros.scenario.table`` prints them, one table a section; with a file's name
+it inserts them there between the lines ``<!-- parameters -->`` and ``<!-- /parameters -->``.
 """
 
 from __future__ import annotations
@@ -28,24 +28,32 @@ from typing import Any
 from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS
 from flexarm_ros.core.parameters.spec import short, Spec, specs
 
+_CLASSES = (*SECTIONS.items(), ('/**', PaceParameters))
 BEGIN, END = '<!-- parameters -->', '<!-- /parameters -->'
 
 
 def markdown() -> str:
-    """Return the table of every parameter as Markdown."""
-    lines = [
-        '| parameter | meaning | unit | default | allowed | paper |',
-        '|---|---|---|---|---|---|',
+    """Return a heading and a table of each section's parameters as Markdown."""
+    tables = []
+    for section in dict.fromkeys(['/**', *SECTIONS]):
+        classes = [cls for name, cls in _CLASSES if name == section]
+        rows = [row(key, *entry) for cls in classes for key, entry in specs(cls).items()]
+        head = f'## {section}\n\n| key | default | meaning |\n|---|---|---|\n'
+        tables.append(head + '\n'.join(rows) + '\n')
+    return '\n'.join(tables)
+
+
+def row(key: str, _: Any, spec: Spec, default: Any) -> str:
+    """Return the row of a parameter: key, default, and its meaning, unit and range."""
+    unit = f' ({spec.unit})' if spec.unit else ''
+    notes = [
+        f'allowed: {allowed_text(spec)}',
+        f'paper: {spec.paper}' if spec.paper else '',
+        'may change while running' if spec.live else '',
     ]
-    for section, cls in (*SECTIONS.items(), ('/**', PaceParameters)):
-        for key, (_, spec, default) in specs(cls).items():
-            live = ' (may change while running)' if spec.live else ''
-            cells = (
-                f'`{section}.{key}`', spec.doc + live, spec.unit, default_text(default),
-                allowed_text(spec), spec.paper,
-            )  # fmt: skip
-            lines.append('| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |')
-    return '\n'.join(lines) + '\n'
+    meaning = f'{spec.doc}{unit}. *{"; ".join(note for note in notes if note)}*'
+    cells = (f'`{key}`', default_text(default), meaning)
+    return '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |'
 
 
 def default_text(default: Any) -> str:

@@ -16,9 +16,9 @@
 Every parameter of a run: name, type, unit, default, range and description.
 
 This is the single definition of a scenario's keys.  The scenario reader checks files against it,
-the nodes declare their ROS parameters from it and the README's table is generated from it.  A
-class is a node's section; a field is a key.  ``key`` in a field's metadata gives the name in the
-file if it differs from the field's (a law's gain, ``lqg.horizon``).
+the nodes declare their ROS parameters from it, and docs/reference/parameters.md is generated
+from it.  A class is a node's section; a field is a key.  ``key`` in a field's metadata gives the
+name in the file if it differs from the field's (a law's gain, ``lqg.horizon``).
 """
 
 from __future__ import annotations
