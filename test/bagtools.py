@@ -20,7 +20,9 @@ from functools import cache
 from pathlib import Path
 
 from flexarm_ros import scenario
+from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
@@ -55,3 +57,17 @@ def small_messages(config: RunConfig) -> tuple[tuple[bytes, ...], ...]:
         ]
         found += [tuple(r[k].tobytes() for r in rows) for k in range(len(block))]
     return tuple(found)
+
+
+def read_all(path: Path) -> int:
+    """Read whatever there is; anything but a BagError is a failure."""
+    try:
+        reader = BagReader(path)
+        for block in reader.blocks():
+            assert len(block)
+        count = sum(1 for _ in reader.ticks())
+    except BagError as error:
+        assert '\n' not in str(error)
+        return -1
+    assert reader.damage is None or '\n' not in str(reader.damage)
+    return count

@@ -17,28 +17,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-import contextlib
 import os
-from pathlib import Path
 import runpy
-import signal
-import threading
-import time
 from typing import Any
-import uuid
 
 import hypothesis
+from leftovers import expect_no_leftovers, MARK, SESSION
 import pytest
+from repository import STANDIN
 
-STANDIN = Path(__file__).with_name('message_info') / 'sitecustomize.py'
-"""What messages tell of their publisher on other middlewares; does nothing unless it is asked to.
-
-``FLEXARM_TEST_MESSAGE_INFO=none pytest -m nodes``, for one.
-"""
+# What messages tell of their publisher on other middlewares; does nothing unless it is asked to:
+# ``FLEXARM_TEST_MESSAGE_INFO=none pytest -m nodes``, for one.
 runpy.run_path(str(STANDIN))
-
-MARK = 'FLEXARM_TEST_SESSION'
-SESSION = uuid.uuid4().hex
 
 # The same examples every time; `HYPOTHESIS_PROFILE=explore` draws new ones.
 hypothesis.settings.register_profile('fixed', derandomize=True, deadline=None)
@@ -92,42 +82,3 @@ def no_leftovers() -> Iterator[None]:
     """Fail the module that leaves a process running."""
     yield
     expect_no_leftovers()
-
-
-def expect_no_leftovers() -> None:
-    """End the processes that the tests have started and that still run; fail if there are any."""
-    deadline = time.monotonic() + 10.0
-    left = leftovers()
-    # Chromium's crash handler notices only after a moment that its browser has gone.
-    while any('crashpad' in line for line in left.values()) and time.monotonic() < deadline:
-        threading.Event().wait(0.05)
-        left = leftovers()
-    for pid in left:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
-    assert not left, 'left running: ' + '; '.join(f'{pid} {line}' for pid, line in left.items())
-
-
-def leftovers() -> dict[int, str]:
-    """
-    Return ``{pid: command line}`` of the living processes that carry this session's mark.
-
-    The mark is inherited, so that orphans are found too; pytest itself has it in `os.environ`
-    only, which does not show in ``/proc``.
-    """
-    wanted = f'{MARK}={SESSION}'.encode()
-    found = {}
-    for process in Path('/proc').glob('[0-9]*'):
-        try:
-            if wanted not in (process / 'environ').read_bytes().split(b'\0'):
-                continue
-            state = (process / 'stat').read_text().rpartition(')')[2].split()[0]
-            line = (process / 'cmdline').read_bytes().replace(b'\0', b' ').decode(errors='replace')
-        except OSError:
-            continue  # it has ended, or is somebody else's
-        # Python's resource tracker, once started, stays as long as pytest does.
-        if 'multiprocessing.resource_tracker' in line:
-            continue
-        if state not in 'ZX' and int(process.name) != os.getpid():
-            found[int(process.name)] = line.strip()
-    return found

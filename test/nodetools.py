@@ -25,8 +25,8 @@ import threading
 import time
 
 from flexarm_ros.core.run.parts import ROLES
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = {*ROLES, 'player', 'viewer'}
 
 

@@ -16,12 +16,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 import subprocess
 
 import pytest
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 ASIDE = ('build', 'install', 'log')
 LINTERS = ('ament_copyright', 'ament_flake8', 'ament_pep257')
 LICENSED = ('.c', '.cc', '.cpp', '.cxx', '.h', '.hh', '.hpp', '.hxx', '.cmake', '.py')

@@ -29,7 +29,7 @@ import sys
 import tempfile
 import zlib
 
-from bagtools import small_config, small_messages, write_small
+from bagtools import read_all, small_config, small_messages, write_small
 from flexarm_ros.bag.errors import (
     BagContentError,
     BagError,
@@ -50,6 +50,7 @@ from hypothesis import strategies as st
 import lz4.frame
 from mcap.writer import CompressionType, Writer
 import pytest
+from repository import PATH
 import zstandard
 
 CONFIG = small_config(duration=0.1)
@@ -72,20 +73,6 @@ def sound_bytes() -> bytes:
 @pytest.fixture
 def sound() -> bytes:
     return sound_bytes()
-
-
-def read_all(path: Path) -> int:
-    """Read whatever there is; anything but a BagError is a failure."""
-    try:
-        reader = BagReader(path)
-        for block in reader.blocks():
-            assert len(block)
-        count = sum(1 for _ in reader.ticks())
-    except BagError as error:
-        assert '\n' not in str(error)
-        return -1
-    assert reader.damage is None or '\n' not in str(reader.damage)
-    return count
 
 
 def test_all_forms_of_run(tmp_path: Path) -> None:
@@ -232,18 +219,20 @@ def chunk_body(size: int, name: bytes, packed: bytes) -> bytes:
 def peak_memory(path: Path) -> int:
     """Return the growth of memory, MiB, of a process that reads, verifies and rescues."""
     code = (
-        'import resource, sys, numpy, test_bag_reader as t\n'
+        'import resource, sys, numpy\n'
         'from pathlib import Path\n'
+        'from bagtools import read_all\n'
+        'from flexarm_ros.bag.errors import BagError\n'
+        'from flexarm_ros.bag.mcap.recover import recover\n'
         'before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n'
-        't.read_all(Path(sys.argv[1]))\n'
-        "try: t.recover(sys.argv[1], sys.argv[1] + '.new')\n"
-        'except t.BagError: pass\n'
+        'read_all(Path(sys.argv[1]))\n'
+        "try: recover(sys.argv[1], sys.argv[1] + '.new')\n"
+        'except BagError: pass\n'
         'print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)\n'
     )
-    here = Path(__file__).parent
     answer = subprocess.run(
         [sys.executable, '-c', code, str(path)], check=True, capture_output=True, text=True,
-        timeout=60, env={**os.environ, 'PYTHONPATH': f'{here}{os.pathsep}{here.parent}'},
+        timeout=60, env={**os.environ, 'PYTHONPATH': PATH},
     )  # fmt: skip
     return int(answer.stdout)
 

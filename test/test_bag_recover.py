@@ -38,6 +38,7 @@ from flexarm_ros.cli import main
 from mcap.reader import make_reader
 from mcap.writer import Writer
 import pytest
+from repository import PATH
 from rosbag2tools import Received, text, write_mcap
 
 CONFIG = small_config()
@@ -211,8 +212,7 @@ def test_recorder_killed(tmp_path: Path) -> None:
         '        print(tick, flush=True)\n'
         '        sys.stdin.readline()\n'
     )
-    tests = Path(__file__).parent
-    environment = {**os.environ, 'PYTHONPATH': f'{tests}{os.pathsep}{tests.parent}'}
+    environment = {**os.environ, 'PYTHONPATH': PATH}
     for last in (48, 49, 120, 275):
         bag = tmp_path / f'bag{last}'
         process = subprocess.Popen(

@@ -46,11 +46,11 @@ from flexarm_ros.wire.topics import (
 from mcap.writer import CompressionType
 import numpy as np
 import pytest
+from repository import ROOT
 from rosbag2tools import Keep, metadata, Received, received, write_mcap, write_rosbag2, write_split
 from rosbags.rosbag2 import Reader, StoragePlugin
 import yaml
 
-ROOT = Path(__file__).resolve().parent.parent
 CONFIG = small_config('encoder.latency=0.0005', 'tip_sensor.latency=0.0015', duration=0.2)
 TICKS = 200
 TRUTH = small_messages(CONFIG)

@@ -38,6 +38,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
+from repository import PATH, ROOT
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosReliability
 import yaml
@@ -237,10 +238,9 @@ def test_same_bytes_from_another_process_without_ros(tmp_path: Path) -> None:
         "write_small(Path('bag'), small_config('encoder.latency=0.0005'), Provenance('x'))\n"
     )
     here = write_small(tmp_path / 'here', CONFIG, Provenance('x')).read_bytes()
-    tests = Path(__file__).parent
     environment = {
         'PATH': os.environ['PATH'],
-        'PYTHONPATH': f'{tests}{os.pathsep}{tests.parent}',
+        'PYTHONPATH': PATH,
         'USER': 'somebody', 'HOME': str(tmp_path), 'TZ': 'Asia/Tokyo', 'LANG': 'C',
         'PYTHONHASHSEED': '77',
     }  # fmt: skip
@@ -373,7 +373,7 @@ def test_disk_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_no_trace_of_this_machine(bag: Path) -> None:
     for data in ((bag / 'bag_0.mcap').read_bytes(), (bag / 'metadata.yaml').read_bytes()):
-        for word in (str(bag), str(Path.home()), str(Path(__file__).parents[1])):
+        for word in (str(bag), str(Path.home()), str(ROOT)):
             assert word.encode() not in data
 
 

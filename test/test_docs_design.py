@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 import re
 from typing import Any, ClassVar
 
@@ -28,10 +27,10 @@ from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.state import State
 from flexarm_ros.core.signals import Joints, Signal
 from flexarm_ros.wire.topics import per_tick_topics
+from layertools import API, LAYERS
 import pytest
-from test_layers import API, LAYERS
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / 'docs' / 'design.md').read_text('utf-8')
 
 

@@ -26,10 +26,10 @@ import flexarm_ros
 from flexarm_ros.cli import build_parser
 import pytest
 from report_browser import Browser, find_chromium
+from repository import ROOT
 
 pytest.importorskip('sphinx', reason="no Sphinx here; pip install 'flexarm_ros[docs]'")
 
-ROOT = Path(__file__).resolve().parent.parent
 RESOURCE = re.compile(r'<(?:script|link|img|iframe|source)\b[^>]*?\b(?:src|href)=\"([^\"]+)\"')
 STYLED = re.compile(r"@import\s+[\"']([^\"']+)|url\(\s*[\"']?([^\"')]+)")
 CHROMIUM = find_chromium()

@@ -17,17 +17,16 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 import re
 import subprocess
 import sys
 
 import pytest
+from repository import ROOT
 from validation import __main__ as command
 from validation import bending, delays, frequencies, rotation
 from validation.report import Goal, goals_table, Section
 
-ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / 'docs' / 'validation.md').read_text('utf-8')
 
 

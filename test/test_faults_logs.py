@@ -21,8 +21,9 @@ import shutil
 import sys
 
 from flexarm_ros.nodes.runtime.environment import environment_notes, log_directory
-from nodetools import finish, flexarm, ROLES, ROOT, start_node, write_scenario
+from nodetools import finish, flexarm, ROLES, start_node, write_scenario
 import pytest
+from repository import ROOT
 
 RUN = ('run', 'pd_tip', '--set', 'duration=0.01', '--no-pictures', '--out')
 NOWHERE = '/dev/null/nowhere'

@@ -21,8 +21,9 @@ import re
 import subprocess
 import sys
 
-from nodetools import finish, flexarm, ROLES, ROOT, start_node, write_scenario
+from nodetools import finish, flexarm, ROLES, start_node, write_scenario
 import pytest
+from repository import ROOT
 
 pytestmark = pytest.mark.nodes
 

@@ -24,8 +24,9 @@ import subprocess
 import sys
 
 from nettools import Machines, two_machines
-from nodetools import finish, flexarm, ROLES, ROOT, wait_for, write_scenario
+from nodetools import finish, flexarm, ROLES, wait_for, write_scenario
 import pytest
+from repository import ROOT
 
 pytestmark = pytest.mark.nodes
 

@@ -38,8 +38,9 @@ from flexarm_ros.scenario.suites.suite import Fault
 from mcap.exceptions import McapError
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from nodetools import finish, ROLES, ROOT, start_node, wait_for, write_scenario
+from nodetools import finish, ROLES, start_node, wait_for, write_scenario
 import pytest
+from repository import ROOT
 
 pytestmark = pytest.mark.nodes
 

@@ -23,8 +23,8 @@ import sys
 
 from flexarm_ros import scenario
 from flexarm_ros.scenario.yaml.rclyaml import quoted
-from nodetools import ROOT
 import pytest
+from repository import ROOT
 
 SHORT = ('--set', 'duration=0.01', '--no-pictures')
 REPLAY = ('--rate', '0', '--delay', '0')

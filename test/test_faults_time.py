@@ -23,8 +23,9 @@ import subprocess
 import sys
 
 from flexarm_ros.core.timeline import T0_NS
-from nodetools import flexarm, ROOT, wait_for
+from nodetools import flexarm, wait_for
 import pytest
+from repository import ROOT
 from rosbags.highlevel import AnyReader
 
 HOLD = ('--set', 'trajectory.kind=hold', '--no-pictures')

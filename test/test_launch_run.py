@@ -32,8 +32,9 @@ from flexarm_ros.nodes.runtime.supervisor import ALIVE_FD, REPORT_FD, Supervisor
 from flexarm_ros.scenario import ScenarioError
 from nodetools import finish, wait_for
 import pytest
+from repository import ROOT
 
-LAUNCH_FILE = Path(__file__).resolve().parent.parent / 'launch' / 'run.launch.py'
+LAUNCH_FILE = ROOT / 'launch' / 'run.launch.py'
 DEFAULTS = {name: argument.default for name, argument in ARGUMENTS.items()}
 LAUNCH = """
 import sys

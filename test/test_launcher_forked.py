@@ -28,9 +28,9 @@ import sys
 from flexarm_ros.launcher.fork.parent import Adopted, can_fork, NotForked, start
 from nodetools import flexarm, wait_for
 import pytest
+from repository import PATH
 
-HERE = Path(__file__).parent
-ENV = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(HERE), str(HERE.parent)])}
+ENV = {**os.environ, 'PYTHONPATH': PATH}
 
 
 def commands(**words: str) -> dict[str, list[str]]:

@@ -26,8 +26,9 @@ from typing import Any
 
 from flexarm_ros.launcher.processes import NodeProcesses
 from flexarm_ros.scenario import ScenarioError
-from nodetools import flexarm, ROOT
+from nodetools import flexarm
 import pytest
+from repository import ROOT
 
 EXAMPLES = ROOT / 'examples'
 EXAMPLE = [sys.executable, EXAMPLES / 'minimal_controller.py']

@@ -33,8 +33,9 @@ from flexarm_ros.launcher import suite as launcher
 from flexarm_ros.launcher.junit import write_junit
 from flexarm_ros.launcher.subprocess_simulation import simulate_apart
 from flexarm_ros.scenario.suites import suite as files
-from nodetools import flexarm, ROOT, wait_for
+from nodetools import flexarm, wait_for
 import pytest
+from repository import ROOT
 
 GRID = """
 defaults: {set: {duration: 0.3}, mode: simulate, expect: {stable: true, ticks: 300}}

@@ -24,42 +24,23 @@ import subprocess
 import sys
 
 from flexarm_ros.core.run.parts import PARTS
+from layertools import API, dotted, imports, LAYERS, modules, PACKAGE, ROOT, ROS
 import pytest
+from repository import SUPPORT
 
-PACKAGE = 'flexarm_ros'
-ROOT = Path(__file__).resolve().parent.parent / PACKAGE
-LAYERS = ['core', 'stability', 'wire', 'scenario', 'bag', 'analysis', 'nodes', 'launcher', 'cli']
 # The outermost layer beside the command line, of those who have no ROS: nobody imports it.
-API, API_USES = 'api', {'core', 'stability', 'wire', 'scenario', 'bag', 'analysis', 'api'}
+API_USES = {'core', 'stability', 'wire', 'scenario', 'bag', 'analysis', API}
 # What the core cannot do itself, having no files: say where its compiled code is kept.
 HELPER = 'code_cache'
 WITHOUT_ROS = API_USES
-HELPERS = [*(ROOT.parent / 'bench').glob('*.py'), *(ROOT.parent / 'test').glob('*tools.py')]
+HELPERS = [*(ROOT.parent / 'bench').glob('*.py'), *SUPPORT.glob('*tools.py')]
 NODES = {'plant', 'trajectory', 'answering', 'recorder', 'player'}
-
-ROS = {
-    *('rclpy', 'rcl_interfaces', 'ament_index_python', 'launch', 'launch_ros'),
-    *('builtin_interfaces', 'rosgraph_msgs', 'std_msgs', 'sensor_msgs', 'nav_msgs', 'std_srvs'),
-    *('geometry_msgs', 'diagnostic_msgs', 'visualization_msgs', 'simulation_interfaces'),
-}
 # What a pure function of numbers has no use for: files, clocks, the system, randomness of its own.
 IMPURE = {
     *('os', 'io', 'pathlib', 'shutil', 'tempfile', 'sys', 'subprocess', 'socket', 'threading'),
     *('time', 'datetime', 'random', 'secrets', 'uuid', 'logging', 'multiprocessing', 'asyncio'),
 }
 GENERATORS = {'Generator', 'Philox', 'PCG64', 'SeedSequence', 'BitGenerator'}
-
-
-def imports(tree: ast.Module, module: str, is_package: bool) -> Iterator[str]:
-    """Yield the dotted name of everything that a module imports, wherever in it."""
-    base = module.split('.') if is_package else module.split('.')[:-1]
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            start = base[: len(base) - node.level + 1] if node.level else []
-            prefix = '.'.join([*start, *([node.module] if node.module else [])])
-            yield from (f'{prefix}.{alias.name}' for alias in node.names)
 
 
 def layer_of(name: str) -> str | None:
@@ -107,15 +88,6 @@ def impure_calls(tree: ast.Module) -> Iterator[str]:
             used = node.attr if node.value.attr == 'random' else None
             if used is not None and used not in GENERATORS:
                 yield f'core uses numpy.random.{used}'
-
-
-def modules() -> list[Path]:
-    return sorted(ROOT.rglob('*.py'))
-
-
-def dotted(path: Path) -> str:
-    parts = list(path.relative_to(ROOT.parent).with_suffix('').parts)
-    return '.'.join(parts[:-1] if parts[-1] == '__init__' else parts)
 
 
 @pytest.mark.parametrize('path', modules(), ids=dotted)

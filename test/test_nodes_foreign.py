@@ -22,8 +22,9 @@ from pathlib import Path
 import subprocess
 import sys
 
-from nodetools import Asker, finish, flexarm, ROOT, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm, start_node, wait_for, write_scenario
 import pytest
+from repository import ROOT
 
 pytestmark = pytest.mark.nodes
 EXAMPLE = ROOT / 'examples' / 'minimal_controller.py'

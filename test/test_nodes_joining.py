@@ -26,60 +26,14 @@ from pathlib import Path
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from flexarm_ros import scenario
-from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.runtime import status
-from flexarm_ros.nodes.runtime.config_exchange import dump_sections
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.status import Phase
-from flexarm_ros.nodes.runtime.supervisor import Supervisor
 from nodetools import ROLES, wait_for, write_scenario
 import pytest
-import rclpy
-from wiretools import Peers, Wire
+from wiretools import Joining
 
 pytestmark = pytest.mark.nodes
-
-
-class Joining:
-    """A controller before its run, the other nodes, and a first controller still unheard of."""
-
-    def __init__(self, file: Path) -> None:
-        words = ['--ros-args', '--params-file', str(file)]
-        self.config = scenario.load(str(file), [])
-        self.peers = Peers('controller', self.config)
-        self.first = Wire('first')
-        self.word = self.first.publisher(status.TOPIC, DiagnosticStatus, status._QOS)
-        self.context = rclpy.Context()
-        rclpy.init(args=words, context=self.context)
-        self.second = answering_node('controller')(words, Supervisor(), context=self.context)
-        others = len(ROLES)  # the five others and the first controller
-        topic = self.second.resolve_topic_name(status.TOPIC)
-        wait_for(lambda: self.second.count_publishers(topic) > others, 60, 'all seen')
-        self.hear(len(ROLES) - 1)
-
-    def hear(self, count: int) -> None:
-        """Take statuses until those of ``count`` others are here."""
-        board = self.second.board
-
-        def taken() -> bool:
-            board.update()
-            return len(board.others) == count and board.sender_info is not None
-
-        wait_for(taken, 60, f'{count} others heard')
-
-    def introduce(self, identity: str) -> None:
-        """Let the first controller say who it is."""
-        texts = dump_sections(self.config, 'controller')
-        known = status.Status('controller', identity, '/first', Phase.READY, parameters=texts)
-        self.word.publish(known.to_message())
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self.second.destroy_node()
-        rclpy.shutdown(context=self.context)
-        self.first.close()
-        self.peers.close()
 
 
 @pytest.fixture

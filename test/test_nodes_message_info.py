@@ -27,12 +27,12 @@ import subprocess
 import sys
 import threading
 
-from conftest import STANDIN
 from flexarm_ros.nodes.runtime.channels import Input
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.status import Board, Phase, Status
 from nodetools import finish, flexarm, start_node, wait_for, write_scenario
 import pytest
+from repository import STANDIN
 
 pytestmark = pytest.mark.nodes
 

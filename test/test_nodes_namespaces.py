@@ -21,8 +21,9 @@ from pathlib import Path
 import subprocess
 import sys
 
-from nodetools import Asker, finish, flexarm, ROLES, ROOT, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm, ROLES, start_node, wait_for, write_scenario
 import pytest
+from repository import ROOT
 
 pytestmark = pytest.mark.nodes
 

@@ -25,8 +25,9 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.digest import digest_of
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.scenario.sweeps.axes import Parameter
-from nodetools import Asker, finish, flexarm, ROOT, start_node, wait_for
+from nodetools import Asker, finish, flexarm, start_node, wait_for
 import pytest
+from repository import ROOT
 
 FILE = """
 /**:

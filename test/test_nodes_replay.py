@@ -29,8 +29,9 @@ from bagtools import small_config, small_messages, write_small
 from flexarm_ros.core.ending import ENDING
 from flexarm_ros.nodes.player.pace import Pace
 from flexarm_ros.wire.topics import per_tick_topics
-from nodetools import finish, ROOT, wait_for
+from nodetools import finish, wait_for
 import pytest
+from repository import ROOT
 from rosbag2tools import received, write_mcap
 
 pytestmark = pytest.mark.nodes

@@ -26,12 +26,12 @@ from flexarm_ros.nodes.runtime.compatibility import connects, shown
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.graph import qos_profile
 from flexarm_ros.nodes.runtime.status import HEARD, Phase
-from nodetools import finish, flexarm, ROLES, ROOT, start_node, wait_for, write_scenario
+from nodetools import finish, flexarm, ROLES, start_node, wait_for, write_scenario
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from repository import ROOT
 from sensor_msgs.msg import JointState
-from test_nodes_joining import Joining
-from wiretools import Wire
+from wiretools import Joining, Wire
 
 pytestmark = pytest.mark.nodes
 

@@ -33,9 +33,10 @@ from flexarm_ros import scenario
 from flexarm_ros.core.arm.arm_line import ArmLine
 from flexarm_ros.core.arm.kinematics import rigid_point
 from flexarm_ros.nodes.view.urdf import transforms, urdf
-from nodetools import Asker, flexarm, ROOT, wait_for
+from nodetools import Asker, flexarm, wait_for
 import numpy as np
 import pytest
+from repository import ROOT
 
 
 @pytest.fixture

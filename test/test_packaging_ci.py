@@ -22,8 +22,8 @@ import shutil
 import subprocess
 
 import pytest
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 GOALS = ['make --no-print-directory test', 'make --no-print-directory pythons']
 
 

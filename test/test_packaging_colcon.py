@@ -23,8 +23,9 @@ import sys
 from xml.etree import ElementTree
 
 from nodetools import EXECUTABLES
+from packagetools import copy_sources
 import pytest
-from test_packaging_wheel import copy_sources, ROOT
+from repository import ROOT
 
 COLCON = Path(sys.executable).with_name('colcon')
 pytestmark = pytest.mark.skipif(

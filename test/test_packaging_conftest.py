@@ -21,7 +21,7 @@ import subprocess
 import sys
 import time
 
-import conftest
+from leftovers import expect_no_leftovers, leftovers
 import pytest
 
 SLEEPER = 'import time; print(flush=True); time.sleep(60)'
@@ -42,9 +42,9 @@ def test_leftover_orphan_is_found_and_ended() -> None:
     parent = subprocess.run(
         [sys.executable, '-c', code], capture_output=True, text=True, check=True, timeout=30
     )
-    assert int(parent.stdout) in conftest.leftovers()
+    assert int(parent.stdout) in leftovers()
     with pytest.raises(AssertionError, match='left running'):
-        conftest.expect_no_leftovers()
+        expect_no_leftovers()
     deadline = time.monotonic() + 10
-    while conftest.leftovers():
+    while leftovers():
         assert time.monotonic() < deadline

@@ -27,8 +27,8 @@ from nodetools import EXECUTABLES
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 import pytest
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = [
     'cat',
     'cut',

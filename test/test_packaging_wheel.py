@@ -19,7 +19,6 @@ from __future__ import annotations
 import ast
 from importlib.metadata import packages_distributions
 from pathlib import Path
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -27,28 +26,13 @@ import venv
 import xml.etree.ElementTree as ET
 import zipfile
 
+from layertools import imports, modules, ROS
 from nodetools import EXECUTABLES
+from packagetools import copy_sources
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 import pytest
-from test_layers import imports, modules, ROS
-
-ROOT = Path(__file__).resolve().parent.parent
-SOURCES = ['flexarm_ros', 'config', 'launch', 'lib', 'resource']
-FILES = ['setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'LICENSE', 'README.md']
-
-
-def copy_sources(target: Path) -> Path:
-    """Copy what an installation is made from."""
-    target.mkdir(parents=True)
-    for name in SOURCES:
-        shutil.copytree(
-            ROOT / name, target / name, ignore=shutil.ignore_patterns('__pycache__', '*.egg-info')
-        )
-    for name in FILES:
-        if (ROOT / name).exists():
-            shutil.copy(ROOT / name, target)
-    return target
+from repository import ROOT
 
 
 @pytest.fixture(scope='module')

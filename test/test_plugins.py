@@ -34,8 +34,9 @@ from flexarm_ros.core.parameters.spec import parameter
 from flexarm_ros.scenario import plugins
 from nodetools import Asker, flexarm, wait_for
 import pytest
+from repository import ROOT, TESTS
 
-STRANGER = Path(__file__).parent / 'stranger'
+STRANGER = TESTS / 'stranger'
 MOVING = (
     '--set', 'trajectory.kind=hold', '--set', 'plant.initial_velocity=[0.1, -0.2]',
     '--set', 'duration=0.2',
@@ -89,7 +90,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stranger(site: Path, registry: None, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Put the stranger's package on the path of this process and of those that it starts."""
     monkeypatch.syspath_prepend(site)
-    monkeypatch.setenv('PYTHONPATH', f'{site}:{STRANGER.parents[1]}')
+    monkeypatch.setenv('PYTHONPATH', f'{site}:{ROOT}')
     return site
 
 
@@ -107,7 +108,7 @@ def named(registry: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Na
     (tmp_path / 'site').mkdir()
     (tmp_path / 'site' / 'somebodys_law.py').write_text(MODULE.format(mark=str(mark)))
     monkeypatch.syspath_prepend(tmp_path / 'site')
-    monkeypatch.setenv('PYTHONPATH', f'{tmp_path / "site"}:{STRANGER.parents[1]}')
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path / "site"}:{ROOT}')
     words = ('--set', 'controller.law=somebodys_law:Braking', *MOVING, '--no-pictures')
     flown = flexarm('simulate', 'pd_collocated', *words, '--out', tmp_path / 'run')
     assert flown.returncode == 0, flown.stderr

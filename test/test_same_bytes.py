@@ -24,6 +24,7 @@ import sys
 
 import numpy as np
 import pytest
+from repository import ROOT
 from validation import golden
 
 try:
@@ -31,7 +32,6 @@ try:
 except ImportError:  # NumPy 1
     from numpy.core import _multiarray_umath as umath  # type: ignore[no-redef]
 
-ROOT = Path(__file__).resolve().parent.parent
 PROGRAM = (
     'import sys\n'
     'from validation import golden\n'

@@ -42,8 +42,9 @@ from flexarm_ros.wire.topics import per_tick_topics
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import pytest
+from repository import ROOT
 
-CONFIG = Path(__file__).resolve().parent.parent / 'config'
+CONFIG = ROOT / 'config'
 LIMIT_S = 20.0
 LIMIT_KIB = 1024 * 1024
 

@@ -16,14 +16,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS, specs
 from flexarm_ros.scenario import table
 import pytest
+from repository import ROOT
 
-PAGE = Path(__file__).resolve().parent.parent / 'docs' / 'reference' / 'parameters.md'
+PAGE = ROOT / 'docs' / 'reference' / 'parameters.md'
 
 
 def test_every_parameter_has_a_row_of_three_cells() -> None:
