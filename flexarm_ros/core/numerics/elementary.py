@@ -27,7 +27,7 @@ are as in IEEE 754-2008, section 9.2.  The methods are standard (Muller, Element
 edition, 2016): a reduction of the argument with an error term, then a Taylor series on an
 interval so short that its remainder is far below one ulp.
 
-``test/test_core_elementary.py`` checks them against mpmath.
+``test/core/numerics/test_elementary.py`` checks them against mpmath.
 """
 
 from __future__ import annotations
