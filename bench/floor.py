@@ -35,8 +35,8 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.runtime.graph import (
+from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.topics.graph import (
     message_class,
     qos_profile,
     readers,

@@ -111,8 +111,8 @@ class _Recorder:
     """Takes messages in batches as the node ``recorder`` does, and writes them."""
 
     def __init__(self, context: Any, count: int, kind: str) -> None:
-        from flexarm_ros.nodes.runtime.endpoints import HOT, Waiter
-        from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
+        from flexarm_ros.nodes.runtime.topics.endpoints import HOT, Waiter
+        from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
         from rclpy.node import Node
 
         self._topics = topics(count, kind)
@@ -196,7 +196,7 @@ def write_bare(count: int, kind: str) -> float:
 
 def publish(count: int, kind: str) -> int:
     """Publish at the rates that come on standard input."""
-    from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
+    from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
     import rclpy
     from rclpy.impl.implementation_singleton import rclpy_implementation
 

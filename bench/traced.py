@@ -37,7 +37,8 @@ from flexarm_ros.core.arm.plant_eq14 import Eq14Plant
 from flexarm_ros.core.sensing import sensors
 from flexarm_ros.core.trajectory import Reference
 from flexarm_ros.nodes import process
-from flexarm_ros.nodes.runtime import channels, endpoints, participant
+from flexarm_ros.nodes.runtime import participant
+from flexarm_ros.nodes.runtime.topics import channels, endpoints
 
 PARTS: dict[str, int] = {}
 """Part -> nanoseconds of processor time."""

@@ -39,8 +39,8 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.simulation import simulate
-from flexarm_ros.bag.verify import verify
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.launcher import run
 from flexarm_ros.launcher import shm_cleanup as litter

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.arm.plant_full_model import END, END_SHORT, make_constants, STIFFNESS
+from flexarm_ros.core.arm.full.model import END, END_SHORT, make_constants, STIFFNESS
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import math
 
+from flexarm_ros.core.arm.full.plant import FullPlant
 from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
-from flexarm_ros.core.arm.plant_full import FullPlant
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 from validation.motion import Array, full_plant, start

@@ -38,7 +38,7 @@ import tempfile
 from typing import NamedTuple
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.digest import digest_of
+from flexarm_ros.bag.checks.digest import digest_of
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.bag.writer import BagWriter

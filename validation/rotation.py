@@ -26,8 +26,8 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.arm.plant_full_dynamics import make_work, mass_and_bias
-from flexarm_ros.core.arm.plant_full_model import make_constants, MODAL, STIFFNESS
+from flexarm_ros.core.arm.full.dynamics import make_work, mass_and_bias
+from flexarm_ros.core.arm.full.model import make_constants, MODAL, STIFFNESS
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import eigh

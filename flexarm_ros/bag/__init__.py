@@ -12,4 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags: message codecs, MCAP reading and writing, CSV and summary.  Never imports rclpy."""
+"""
+Bags: writing and reading a run, its metadata, and the files beside it.
+
+`bag.mcap` holds the container format and recovery, `bag.checks` what compares and verifies,
+`bag.tables` the exports.  Imports core, wire and scenario; never rclpy.
+"""

@@ -15,9 +15,10 @@
 """
 The command ``flexarm``.
 
-Each command is a module of this package with ``add_parser(subparsers)`` and
-``run(args) -> int``, the exit status.  Only the module of the given command is imported, so
-that ``flexarm --help`` is fast and ``simulate`` needs no ROS.
+Each command is a module here, in `cli.runs` (commands that make runs) or in `cli.bags`
+(commands that read them), with ``add_parser(subparsers)`` and ``run(args) -> int``, the exit
+status.  What several of them share is in `cli.options`.  Only the module of the given command is
+imported, so that ``flexarm --help`` is fast and ``simulate`` needs no ROS.
 
 Exit status: 0 success; 1 a failed run or check; 2 bad usage or a bad scenario; 3 a bag
 recovered in part; 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
@@ -41,19 +42,19 @@ from flexarm_ros.core.warned import allow_warnings
 
 COMMANDS = {
     'list': ('listing', 'list the shipped scenarios and suites'),
-    'run': ('run', 'run a scenario as ROS 2 nodes in lock-step and record it'),
-    'simulate': ('simulate', 'simulate a scenario in one process, without ROS'),
-    'suite': ('suite', 'run many scenarios and check their expectations'),
-    'replay': ('replay', 'publish a recorded run again'),
-    'verify': ('verify', 'recompute a recorded run and compare every message'),
-    'digest': ('digest', 'print one SHA-256 of all messages of a run'),
-    'recover': ('recover', 'recover a damaged bag into a new one'),
-    'report': ('report', 'write figures and an HTML report of runs'),
+    'run': ('runs.run', 'run a scenario as ROS 2 nodes in lock-step and record it'),
+    'simulate': ('runs.simulate', 'simulate a scenario in one process, without ROS'),
+    'suite': ('runs.suite', 'run many scenarios and check their expectations'),
+    'replay': ('bags.replay', 'publish a recorded run again'),
+    'verify': ('bags.verify', 'recompute a recorded run and compare every message'),
+    'digest': ('bags.digest', 'print one SHA-256 of all messages of a run'),
+    'recover': ('bags.recover', 'recover a damaged bag into a new one'),
+    'report': ('bags.report', 'write figures and an HTML report of runs'),
     'modes': ('modes', 'print the natural frequencies of the arm'),
-    'sweep': ('sweep', 'run a parameter sweep in parallel into one table'),
+    'sweep': ('runs.sweep', 'run a parameter sweep in parallel into one table'),
     'stability': ('stability', 'print eigenvalues and margins of the sampled loop'),
-    'export': ('export', "export a bag's messages as CSV or Parquet"),
-    'compare': ('compare', 'compare the messages of two runs'),
+    'export': ('bags.export', "export a bag's messages as CSV or Parquet"),
+    'compare': ('bags.compare', 'compare the messages of two runs'),
     'view': ('view', 'show a running simulation in a browser'),
 }
 """Command -> (module of this package, one line of help)."""
@@ -124,7 +125,11 @@ class _Output:
 
 def _available() -> dict[str, tuple[str, str]]:
     here = Path(__file__).parent
-    return {name: entry for name, entry in COMMANDS.items() if (here / f'{entry[0]}.py').exists()}
+    return {
+        name: entry
+        for name, entry in COMMANDS.items()
+        if (here / (entry[0].replace('.', '/') + '.py')).exists()
+    }
 
 
 def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:

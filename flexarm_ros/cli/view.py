@@ -22,7 +22,8 @@ import os
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.cli import domain, namespace, UsageError
+from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.options import domain, namespace
 
 
 def add_parser(subparsers: Any) -> None:

@@ -30,7 +30,7 @@ from typing import Any, TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from flexarm_ros.bag.verify import Verdict
+    from flexarm_ros.bag.checks.verify import Verdict
     from flexarm_ros.launcher.suite import SuiteResult
     from flexarm_ros.wire.cdr import FloatArray
 
@@ -74,7 +74,7 @@ class Flight:
 
     def verify(self) -> Verdict:
         """Recompute every message of the package's nodes, as ``flexarm verify`` does."""
-        from flexarm_ros.bag.verify import verify
+        from flexarm_ros.bag.checks.verify import verify
 
         return verify(self.directory)
 

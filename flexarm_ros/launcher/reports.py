@@ -29,7 +29,7 @@ from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import Answer, PARTS, signals
-from flexarm_ros.nodes.runtime.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
+from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
 
 _CRASHES = {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
 """Signals that a process causes itself, possibly after printing the reason."""

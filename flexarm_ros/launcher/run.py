@@ -38,8 +38,8 @@ from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProcesses
 from flexarm_ros.launcher.reports import RunWatch
-from flexarm_ros.nodes.runtime.environment import log_directory
-from flexarm_ros.nodes.runtime.own_parameters import how_to_go_on
+from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
+from flexarm_ros.nodes.runtime.process.environment import log_directory
 from flexarm_ros.scenario.yaml.rclyaml import quoted
 
 VERDICT_S = 0.3
@@ -328,8 +328,8 @@ class _Leaving:
         Report the nodes that are not done if nothing has happened within the limit.
 
         Nodes that are done have sent all messages and closed their files: Fast DDS may block
-        such a process on exit (see `flexarm_ros.nodes.runtime.shutdown_watchdog`).  They are
-        ended.
+        such a process on exit (see `flexarm_ros.nodes.runtime.process.shutdown_watchdog`).
+        They are ended.
         """
         now = time.monotonic()
         state = (len(nodes.ours), nodes.report.tick)

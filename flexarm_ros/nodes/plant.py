@@ -25,11 +25,11 @@ from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
-from flexarm_ros.nodes.runtime.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.nodes.runtime.own_parameters import how_to_go_on
+from flexarm_ros.nodes.runtime.joining.status import Phase
+from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
-from flexarm_ros.nodes.runtime.status import Phase
+from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
 
 RECORDER_WINDOW = 256
 """Ticks that the plant may be ahead of the recorder, well below the topics' depth."""

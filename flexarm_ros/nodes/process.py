@@ -30,18 +30,18 @@ from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.classes import module_of, OWN
-from flexarm_ros.nodes.runtime.channels import connect
-from flexarm_ros.nodes.runtime.environment import (
+from flexarm_ros.nodes.runtime.lockstep import spin
+from flexarm_ros.nodes.runtime.participant import describe, Participant
+from flexarm_ros.nodes.runtime.process.environment import (
     enforce_security,
     environment_domain,
     environment_notes,
     EnvironmentRefused,
 )
-from flexarm_ros.nodes.runtime.lockstep import spin
-from flexarm_ros.nodes.runtime.middleware import start
-from flexarm_ros.nodes.runtime.participant import describe, Participant
-from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
-from flexarm_ros.nodes.runtime.supervisor import Supervisor
+from flexarm_ros.nodes.runtime.process.middleware import start
+from flexarm_ros.nodes.runtime.process.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
+from flexarm_ros.nodes.runtime.topics.channels import connect
 from flexarm_ros.scenario import ScenarioError
 import rclpy
 from rclpy.exceptions import ROSInterruptException

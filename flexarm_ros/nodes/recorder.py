@@ -30,10 +30,10 @@ from flexarm_ros.bag.recording import (
     Recording,
 )
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.graph import RECORDED_TOPIC
-from flexarm_ros.nodes.runtime.live import ChangesInput
+from flexarm_ros.nodes.runtime.parameters.live import ChangesInput
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressOutput
+from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC
 
 _LOOK_S = 0.02
 """Longest wall time between two batches: waking at each message would cost most."""

@@ -21,9 +21,9 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.trajectory import Reference
-from flexarm_ros.nodes.runtime.graph import TICK_EVERY, TICK_TOPIC
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressInput
+from flexarm_ros.nodes.runtime.topics.graph import TICK_EVERY, TICK_TOPIC
 
 AHEAD = 64
 """Most ticks that the reference is published before its time.

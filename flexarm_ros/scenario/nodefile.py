@@ -107,7 +107,7 @@ class NodeParameters:
 
         Consistency of the sections is checked only if those of other roles were given; otherwise
         these parameters are known once their nodes report them
-        (`flexarm_ros.nodes.runtime.config_exchange`).
+        (`flexarm_ros.nodes.runtime.joining.config_exchange`).
         """
         values = {where: given.tree for where, given in self.scenario.items()}
         config = build(values, torque_base=self.torque_base, whole=False)

@@ -24,10 +24,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from flexarm_ros.core.arm.full.model import END, make_constants
+from flexarm_ros.core.arm.full.plant import elastic_diagonals, mass_matrix
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
-from flexarm_ros.core.arm.plant_full import elastic_diagonals, mass_matrix
-from flexarm_ros.core.arm.plant_full_model import END, make_constants
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 import numpy as np

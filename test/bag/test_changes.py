@@ -20,12 +20,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.compare import compare
-from flexarm_ros.bag.export import export
+from flexarm_ros.bag.checks.compare import compare
+from flexarm_ros.bag.checks.recompute import loop_messages
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.recompute import loop_messages
-from flexarm_ros.bag.verify import verify
+from flexarm_ros.bag.tables.export import export
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, RunConfig

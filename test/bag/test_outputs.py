@@ -24,14 +24,14 @@ from typing import Any
 
 from bagtools import small_config, small_messages, write_small
 from flexarm_ros.bag import outputs
-from flexarm_ros.bag.compare import compare
+from flexarm_ros.bag.checks.compare import compare
 from flexarm_ros.bag.embedded_metadata import bag_config
 from flexarm_ros.bag.errors import BagError, BagExistsError
-from flexarm_ros.bag.export import export, NO_PYARROW
 from flexarm_ros.bag.outputs import unfinished_summary, write_summary
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.simulation import loop_blocks, simulate
+from flexarm_ros.bag.tables.export import export, NO_PYARROW
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.run.loop import ClosedLoop
@@ -272,7 +272,7 @@ def test_an_export_that_fails_leaves_nothing(
     def full(*_: object) -> None:
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr('flexarm_ros.bag.export._CsvFile.write', full)
+    monkeypatch.setattr('flexarm_ros.bag.tables.export._CsvFile.write', full)
     with pytest.raises(BagError, match='cannot be written: No space left'):
         export(run, tmp_path / 'out', 'csv')
     assert not (tmp_path / 'out').exists()

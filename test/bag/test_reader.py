@@ -30,6 +30,7 @@ import tempfile
 import zlib
 
 from bagtools import read_all, small_config, small_messages, write_small
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.errors import (
     BagContentError,
     BagError,
@@ -41,7 +42,6 @@ from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.mcap.scan import MAX_CHUNK_DATA
 from flexarm_ros.bag.metadata import definition, read_counts
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.wire.topics import per_tick_topics

@@ -28,11 +28,11 @@ from flexarm_ros import scenario
 from flexarm_ros.bag import embedded_metadata as frontmatter
 from flexarm_ros.bag import provenance
 from flexarm_ros.bag import writer as bag_writer
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.mcap.scan import Scanner
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.verify import verify
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.parameters.sections import RunConfig

@@ -163,14 +163,14 @@ def test_list_laws_prints_one_a_line(capsys: pytest.CaptureFixture[str]) -> None
     ],
 )
 def test_what_is_not_known_is_one_dash(value: object, text: str) -> None:
-    from flexarm_ros.cli.output import format_metric
+    from flexarm_ros.cli.options.output import format_metric
 
     assert format_metric(value) == text
 
 
 def test_progress_has_no_figure_before_there_is_one(capsys: pytest.CaptureFixture[str]) -> None:
     from flexarm_ros import scenario
-    from flexarm_ros.cli import progress
+    from flexarm_ros.cli.options import progress
 
     with progress.Progress(scenario.load('fls_tip'), 'fls_tip') as shown:
         shown.update(1, 16000)
@@ -191,7 +191,7 @@ def test_progress_has_no_figure_before_there_is_one(capsys: pytest.CaptureFixtur
 
 def test_progress_in_a_pipe_is_plain_lines(capsys: pytest.CaptureFixture[str]) -> None:
     from flexarm_ros import scenario
-    from flexarm_ros.cli import progress
+    from flexarm_ros.cli.options import progress
 
     with progress.Progress(scenario.load('fls_tip'), 'fls_tip') as shown:
         shown.update(1, 16000)
@@ -208,7 +208,7 @@ def test_work_after_a_run_is_shown_at_once_and_as_it_goes(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     from flexarm_ros import scenario
-    from flexarm_ros.cli import progress
+    from flexarm_ros.cli.options import progress
 
     with progress.Progress(scenario.load('fls_tip'), 'fls_tip') as shown:
         for share in (0.0, 0.1, 0.2):
@@ -226,7 +226,7 @@ def test_a_law_without_a_finite_torque_is_named_with_its_tick(
     """It read "unstable: shoulder: nan", or in the last tick "stable"."""
     import flexarm_ros as fa
     from flexarm_ros.analysis.sweep.worker import fly
-    from flexarm_ros.bag.verify import verify
+    from flexarm_ros.bag.checks.verify import verify
     from flexarm_ros.core.control import Law, LAWS, Sample
 
     class Broken(Law):

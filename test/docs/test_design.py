@@ -19,8 +19,8 @@ from __future__ import annotations
 import re
 from typing import Any, ClassVar
 
+from flexarm_ros.bag.checks.recompute import Nodes
 from flexarm_ros.bag.provenance import LAYERS as DIGESTED
-from flexarm_ros.bag.recompute import Nodes
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run import parts
 from flexarm_ros.core.run.loop import ClosedLoop

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexarm_ros.nodes.runtime.environment import environment_domain
+from flexarm_ros.nodes.runtime.process.environment import environment_domain
 from nodetools import finish, flexarm, start_node, write_scenario
 import pytest
 

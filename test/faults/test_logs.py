@@ -20,7 +20,7 @@ from pathlib import Path
 import shutil
 import sys
 
-from flexarm_ros.nodes.runtime.environment import environment_notes, log_directory
+from flexarm_ros.nodes.runtime.process.environment import environment_notes, log_directory
 from nodetools import finish, flexarm, ROLES, start_node, write_scenario
 import pytest
 from repository import ROOT

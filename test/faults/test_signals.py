@@ -407,7 +407,7 @@ def test_a_law_without_a_finite_torque_is_named_with_its_tick(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from faulttools import faulty_run
-    from flexarm_ros.bag.verify import verify
+    from flexarm_ros.bag.checks.verify import verify
 
     done = faulty_run(monkeypatch, tmp_path / 'run', 'controller', 'nan', 100)
     assert done.problem == 'controller (fls): tick 100: torque at the shoulder is nan N m'

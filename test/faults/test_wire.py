@@ -31,9 +31,14 @@ import subprocess
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from flexarm_ros.nodes.runtime import status
-from flexarm_ros.nodes.runtime.graph import message_class, RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.nodes.runtime.graph import qos_profile as qos_of
+from flexarm_ros.nodes.runtime.joining import status
+from flexarm_ros.nodes.runtime.topics.graph import (
+    message_class,
+    RECORDED_TOPIC,
+    TICK_EVERY,
+    TICK_TOPIC,
+)
+from flexarm_ros.nodes.runtime.topics.graph import qos_profile as qos_of
 from flexarm_ros.wire.topics import Topic
 from hypothesis import given, HealthCheck, Phase, settings
 from hypothesis import strategies as st

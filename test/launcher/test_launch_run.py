@@ -25,10 +25,10 @@ import subprocess
 import sys
 
 from flexarm_ros.cli import UsageError
-from flexarm_ros.cli.launched import ARGUMENTS, LaunchedRun, read_rtf, split_overrides
+from flexarm_ros.cli.runs.launched import ARGUMENTS, LaunchedRun, read_rtf, split_overrides
 from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.launcher.reports import RunWatch
-from flexarm_ros.nodes.runtime.supervisor import ALIVE_FD, REPORT_FD, Supervisor
+from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, REPORT_FD, Supervisor
 from flexarm_ros.scenario import ScenarioError
 from nodetools import finish, wait_for
 import pytest

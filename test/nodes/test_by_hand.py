@@ -91,7 +91,7 @@ def test_parameters_are_described(role: str, tmp_path: Path, ros_domain: int) ->
     code = f"""
 import json, rclpy, sys
 from flexarm_ros.nodes.process import node_class
-from flexarm_ros.nodes.runtime.supervisor import Supervisor
+from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
 rclpy.init(args=["{role}"])
 node = node_class("{role}")([], Supervisor())
 node.get_parameters(list(node._parameters))  # those without a value too, as for a dump

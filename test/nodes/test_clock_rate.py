@@ -21,11 +21,11 @@ from pathlib import Path
 from bagtools import small_config
 from flexarm_ros import scenario
 from flexarm_ros.bag.blocks import Block
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.simulation import loop_blocks
-from flexarm_ros.bag.trajectory import trajectory
-from flexarm_ros.bag.verify import verify
+from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop

@@ -29,15 +29,15 @@ from flexarm_ros.analysis.figures.style import panel_title, panels
 from flexarm_ros.analysis.report.claims import evaluate
 from flexarm_ros.analysis.report.page import render
 from flexarm_ros.analysis.report.runs import labels, load_run
-from flexarm_ros.bag.compare import compare
+from flexarm_ros.bag.checks.compare import compare
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import finish_run, prepare_directory
-from flexarm_ros.cli.output import show_outcome
-from flexarm_ros.cli.suite_table import print_result
+from flexarm_ros.cli.options.output import show_outcome
+from flexarm_ros.cli.runs.suite_table import print_result
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.launcher.junit import write_junit
 from flexarm_ros.launcher.suite import CaseResult, judge
-from flexarm_ros.nodes.runtime.config_exchange import dump_sections, told_config
+from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections, told_config
 from flexarm_ros.scenario.suites import suite
 import numpy as np
 import pytest

@@ -67,7 +67,7 @@ class Listener:
 
     def hear(self, *indices: int, under: Mapping[str, str] = MappingProxyType({})) -> None:
         """Take the messages of these topics as bytes; ``under`` has names that are others."""
-        from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
+        from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
 
         for index in indices:
             topic = per_tick_topics(CONFIG)[index]

@@ -165,7 +165,10 @@ def test_breaches_are_seen(module: str, source: str, complaint: str) -> None:
     [
         ('core.plant', 'from flexarm_ros.core import beam\nimport math'),
         ('core.sensors', 'import numpy as np\nnp.random.Generator(np.random.Philox(1))'),
-        ('nodes.plant', 'from flexarm_ros.nodes.runtime.status import Board\nimport rclpy'),
+        (
+            'nodes.plant',
+            'from flexarm_ros.nodes.runtime.joining.status import Board\nimport rclpy',
+        ),
         ('cli.run', 'from flexarm_ros.core import plant\nimport time'),
     ],
 )

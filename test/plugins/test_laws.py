@@ -322,7 +322,7 @@ def test_data_and_texts_import_nothing(named: Named) -> None:
 
 @pytest.mark.nodes
 def test_a_peer_names_no_module_to_import(named: Named) -> None:
-    from flexarm_ros.nodes.runtime.config_exchange import (
+    from flexarm_ros.nodes.runtime.joining.config_exchange import (
         Disagreement,
         dump_sections,
         merge_sections,

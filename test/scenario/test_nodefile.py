@@ -21,8 +21,8 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.sections import SECTIONS
-from flexarm_ros.nodes.runtime.own_parameters import OWN
-from flexarm_ros.nodes.runtime.parameters import assignments, parameter_files
+from flexarm_ros.nodes.runtime.parameters.declared import assignments, parameter_files
+from flexarm_ros.nodes.runtime.parameters.own import OWN
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.scenario.nodefile import NodeName, NodeParameters, read_node
 from hypothesis import given, settings

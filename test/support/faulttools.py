@@ -26,7 +26,7 @@ import time
 
 from bagtools import small_messages
 from flexarm_ros import scenario
-from flexarm_ros.bag.verify import verify
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.launcher import processes, run

@@ -31,7 +31,7 @@ from typing import Any
 
 def faulty(kind: type[Any], role: str, fault: str, tick: int) -> type[Any]:
     """Return the node's class with the fault in it."""
-    from flexarm_ros.nodes.runtime.graph import TICK_EVERY
+    from flexarm_ros.nodes.runtime.topics.graph import TICK_EVERY
 
     class Faulty(kind):  # type: ignore[misc]
         """The node with the fault."""

@@ -23,7 +23,7 @@ import sys
 
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import NodeProcesses
-from flexarm_ros.nodes.runtime.supervisor import ALIVE_FD, REPORT_FD
+from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, REPORT_FD
 from flexarm_ros.scenario.suites.suite import Fault
 
 SPARE = Path(__file__).with_name('respawn.py')

@@ -35,12 +35,12 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.answering import answering_node
-from flexarm_ros.nodes.runtime import status
-from flexarm_ros.nodes.runtime.config_exchange import dump_sections
-from flexarm_ros.nodes.runtime.endpoints import NO_OVERRIDES, Waiter
-from flexarm_ros.nodes.runtime.graph import message_class, qos_profile, reads
-from flexarm_ros.nodes.runtime.status import Board, Phase
-from flexarm_ros.nodes.runtime.supervisor import Supervisor
+from flexarm_ros.nodes.runtime.joining import status
+from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections
+from flexarm_ros.nodes.runtime.joining.status import Board, Phase
+from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
+from flexarm_ros.nodes.runtime.topics.endpoints import NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile, reads
 from flexarm_ros.wire.topics import per_tick_topics, Topic
 from nodetools import start_node, wait_for
 import rclpy

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The arm: models, shape functions, matrices and kinematics.
+The arm: models, shape functions, matrices and kinematics; the ``full`` model in `core.arm.full`.
 
 Imports the numerics, the parameters and the timeline.
 """

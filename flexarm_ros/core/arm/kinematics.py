@@ -159,7 +159,7 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
     shapes = np.zeros((3, count + 1))
     shapes[0, count], shapes[2, count] = along
     if plant.model == 'full':
-        from flexarm_ros.core.arm.shapes_full import link_shapes
+        from flexarm_ros.core.arm.full.shapes import link_shapes
 
         shapes[0, :count], shapes[1, :count], short1 = link_shapes(plant, 0, along[0])
         shapes[2, :count], _, short2 = link_shapes(plant, 1, along[1])

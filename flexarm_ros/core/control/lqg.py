@@ -31,9 +31,9 @@ from functools import lru_cache
 import math
 from typing import NamedTuple
 
+from flexarm_ros.core.arm.full.dynamics import step
+from flexarm_ros.core.arm.full.model import Constants
 from flexarm_ros.core.arm.kinematics import elastic_point
-from flexarm_ros.core.arm.plant_full_dynamics import step
-from flexarm_ros.core.arm.plant_full_model import Constants
 from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
 from flexarm_ros.core.control.design.model import adjust, Arm, Point
 from flexarm_ros.core.control.design.motion import APART, around, model_of, plan_for, Planned

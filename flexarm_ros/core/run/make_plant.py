@@ -27,7 +27,7 @@ import numpy as np
 def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
     if config.plant.model == 'full':
-        from flexarm_ros.core.arm import plant_full
+        from flexarm_ros.core.arm.full import plant as plant_full
 
         return float(plant_full.highest_frequency(config))
     return Eq14Matrices(config.plant).highest_rate()
@@ -49,7 +49,7 @@ def make_plant(config: RunConfig) -> Plant:
     """
     plant: Plant
     if config.plant.model == 'full':
-        from flexarm_ros.core.arm.plant_full import FullPlant
+        from flexarm_ros.core.arm.full.plant import FullPlant
 
         plant = FullPlant(config)
     else:

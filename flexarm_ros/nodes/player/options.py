@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flexarm_ros.nodes.runtime.own_parameters import OWN
-from flexarm_ros.nodes.runtime.parameters import declare_own
+from flexarm_ros.nodes.runtime.parameters.declared import declare_own
+from flexarm_ros.nodes.runtime.parameters.own import OWN
 from flexarm_ros.scenario import ScenarioError
 from rclpy.node import Node
 

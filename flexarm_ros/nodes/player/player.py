@@ -36,12 +36,12 @@ from flexarm_ros.core.parameters.spec import check
 from flexarm_ros.nodes.player.options import declare, PlayerError, PlayerOptions
 from flexarm_ros.nodes.player.pace import Pace
 from flexarm_ros.nodes.player.replay_peer import ControllerSeat
-from flexarm_ros.nodes.runtime.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
-from flexarm_ros.nodes.runtime.middleware import start
-from flexarm_ros.nodes.runtime.own_parameters import OWN
-from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.parameters.own import OWN
+from flexarm_ros.nodes.runtime.process.middleware import start
+from flexarm_ros.nodes.runtime.process.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.topics.endpoints import NO_OVERRIDES
+from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
 from flexarm_ros.wire.topics import CLOCK, COMMAND
 from rcl_interfaces.msg import SetParametersResult
 import rclpy

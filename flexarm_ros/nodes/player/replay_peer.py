@@ -22,14 +22,14 @@ import time
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.runtime.compatibility import publisher_fault, subscriber_faults
-from flexarm_ros.nodes.runtime.config_exchange import dump_sections
-from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.graph import message_class, qos_profile
-from flexarm_ros.nodes.runtime.identity import UNKNOWN_NODE
-from flexarm_ros.nodes.runtime.middleware import source_of
-from flexarm_ros.nodes.runtime.status import Board, Phase
+from flexarm_ros.nodes.runtime.joining.compatibility import publisher_fault, subscriber_faults
+from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections
+from flexarm_ros.nodes.runtime.joining.status import Board, Phase
+from flexarm_ros.nodes.runtime.process.middleware import source_of
+from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES, Waiter
+from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
+from flexarm_ros.nodes.runtime.topics.identity import UNKNOWN_NODE
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics, Topic
 from rclpy.node import Node
 from rclpy.publisher import Publisher

@@ -13,7 +13,9 @@
 # limitations under the License.
 
 """
-What every node of a run does: join, keep the lock-step, tell its state, leave.
+The part of a node that is the same for every role: join, advance in lock-step, report, leave.
 
-Imports core, wire, scenario and bag, and no node.
+Its folders: `topics` (publishers and subscriptions), `joining` (status messages, exchange of the
+scenario), `parameters` (declaration, live changes) and `process` (environment, middleware,
+launcher).  Imports core, wire, scenario and bag, and no node.
 """

@@ -27,9 +27,9 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.runtime.joining.membership import Membership
+from flexarm_ros.nodes.runtime.joining.status import Phase
 from flexarm_ros.nodes.runtime.member import Member
-from flexarm_ros.nodes.runtime.membership import Membership
-from flexarm_ros.nodes.runtime.status import Phase
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration

@@ -24,8 +24,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import time
 
-from flexarm_ros.nodes.runtime.endpoints import Waiter
 from flexarm_ros.nodes.runtime.participant import Participant
+from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
 
 
 def spin(participants: Sequence[Participant]) -> None:

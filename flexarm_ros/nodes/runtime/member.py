@@ -20,8 +20,8 @@ from typing import ClassVar
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.runtime.channels import Input, Output
-from flexarm_ros.nodes.runtime.status import Board
+from flexarm_ros.nodes.runtime.joining.status import Board
+from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from rclpy.node import Node
 
 HOUSEKEEPING_S = 0.1

@@ -21,19 +21,19 @@ import traceback
 from typing import Any
 
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.runtime.channels import Input, Output
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
 from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
-from flexarm_ros.nodes.runtime.graph import reads
-from flexarm_ros.nodes.runtime.live import ChangesInput, LiveParameters
+from flexarm_ros.nodes.runtime.joining.membership import Membership
+from flexarm_ros.nodes.runtime.joining.status import Board, Phase
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, Member
-from flexarm_ros.nodes.runtime.membership import Membership
-from flexarm_ros.nodes.runtime.own_parameters import OWN
-from flexarm_ros.nodes.runtime.parameters import declare_and_load, declare_own
+from flexarm_ros.nodes.runtime.parameters.declared import declare_and_load, declare_own
+from flexarm_ros.nodes.runtime.parameters.live import ChangesInput, LiveParameters
+from flexarm_ros.nodes.runtime.parameters.own import OWN
+from flexarm_ros.nodes.runtime.process.supervisor import INTERRUPTED, LAUNCHER_GONE, Supervisor
 from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.runtime.reset import Epochs
-from flexarm_ros.nodes.runtime.status import Board, Phase
-from flexarm_ros.nodes.runtime.supervisor import INTERRUPTED, LAUNCHER_GONE, Supervisor
+from flexarm_ros.nodes.runtime.topics.channels import Input, Output
+from flexarm_ros.nodes.runtime.topics.graph import reads
 from flexarm_ros.wire.topics import per_tick_topics
 from rclpy.duration import Duration
 
@@ -400,7 +400,8 @@ class Participant(Member):
         Without one as long as a peer may take to answer, since who stands still reads
         nothing, and four seconds at least: a lost message is asked for at the next heartbeat,
         which Fast DDS sends every three seconds where it has not our settings (see
-        `flexarm_ros.nodes.runtime.middleware`).  A user who ends the run does not wait that long.
+        `flexarm_ros.nodes.runtime.process.middleware`).  A user who ends the run does not wait
+        that long.
         """
         if limit_s is None:
             limit_s = max(_FLUSH_S, self.config.run.tick_timeout + _REPAIR_S)

@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
-from flexarm_ros.nodes.runtime.membership import Membership
+from flexarm_ros.nodes.runtime.joining.membership import Membership
+from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import UInt64

@@ -23,8 +23,8 @@ The new run's bytes are those of a fresh one.
 
 from __future__ import annotations
 
-from flexarm_ros.nodes.runtime.membership import Membership
-from flexarm_ros.nodes.runtime.status import EPOCH, epoch_of, PLANT
+from flexarm_ros.nodes.runtime.joining.membership import Membership
+from flexarm_ros.nodes.runtime.joining.status import EPOCH, epoch_of, PLANT
 
 
 class Epochs:

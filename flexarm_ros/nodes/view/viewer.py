@@ -31,14 +31,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from flexarm_ros import scenario
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.nodes.runtime import status
-from flexarm_ros.nodes.runtime.config_exchange import Disagreement, told_config
-from flexarm_ros.nodes.runtime.endpoints import HOT, NO_OVERRIDES
-from flexarm_ros.nodes.runtime.graph import message_class
-from flexarm_ros.nodes.runtime.middleware import start
-from flexarm_ros.nodes.runtime.own_parameters import OWN
-from flexarm_ros.nodes.runtime.parameters import declare_own, given_parameters
-from flexarm_ros.nodes.runtime.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.joining import status
+from flexarm_ros.nodes.runtime.joining.config_exchange import Disagreement, told_config
+from flexarm_ros.nodes.runtime.parameters.declared import declare_own, given_parameters
+from flexarm_ros.nodes.runtime.parameters.own import OWN
+from flexarm_ros.nodes.runtime.process.middleware import start
+from flexarm_ros.nodes.runtime.process.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.topics.graph import message_class
 from flexarm_ros.nodes.view.foxglove import FoxgloveView, ViewError
 from flexarm_ros.nodes.view.ros import RosView
 from flexarm_ros.nodes.view.scene import Scene

@@ -29,7 +29,7 @@ from flexarm_ros.core.arm.basis import (
 from flexarm_ros.core.arm.basis_arm import arm_bases
 from flexarm_ros.core.arm.basis_integrals import linear_integrals, shortening_integrals
 from flexarm_ros.core.arm.beam import clamped_free_root, ClampedFreeModes
-from flexarm_ros.core.arm.plant_full_model import link_bases
+from flexarm_ros.core.arm.full.model import link_bases
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 import pytest

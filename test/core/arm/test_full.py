@@ -19,10 +19,10 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+from flexarm_ros.core.arm.full.dynamics import make_work, mass_and_bias
+from flexarm_ros.core.arm.full.model import link_bases, make_constants
+from flexarm_ros.core.arm.full.plant import FullPlant, mass_matrix
 from flexarm_ros.core.arm.plant import instability, STABLE_PHASE
-from flexarm_ros.core.arm.plant_full import FullPlant, mass_matrix
-from flexarm_ros.core.arm.plant_full_dynamics import make_work, mass_and_bias
-from flexarm_ros.core.arm.plant_full_model import link_bases, make_constants
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
 from flexarm_ros.core.run.make_plant import highest_frequency, make_plant
 import numpy as np

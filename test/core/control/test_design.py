@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flexarm_ros import scenario
-from flexarm_ros.core.arm.plant_full_dynamics import acceleration, step
-from flexarm_ros.core.arm.plant_full_model import Constants, link_bases, make_constants_on
+from flexarm_ros.core.arm.full.dynamics import acceleration, step
+from flexarm_ros.core.arm.full.model import Constants, link_bases, make_constants_on
 from flexarm_ros.core.control.design import model
 from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
 from flexarm_ros.core.control.design.motion import APART, around, make_arm, model_of

@@ -20,9 +20,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexarm_ros import scenario
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
-from flexarm_ros.bag.verify import verify
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.wire.topics import COMMAND, TIP

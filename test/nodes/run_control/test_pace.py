@@ -22,7 +22,7 @@ import subprocess
 import sys
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.digest import digest_of
+from flexarm_ros.bag.checks.digest import digest_of
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.scenario.sweeps.axes import Parameter
 from nodetools import Asker, finish, flexarm, start_node, wait_for
@@ -191,8 +191,8 @@ def test_nodes_by_hand_wait_too(file: Path, tmp_path: Path, ros_domain: int, rcl
 )
 def test_rclpy_refuses_a_pace_out_of_range(rclpy_node, key: str, value: float) -> None:
     """The plant takes what passes the declared range, and checks it no second time."""
-    from flexarm_ros.nodes.runtime.own_parameters import OWN
-    from flexarm_ros.nodes.runtime.parameters import declare_own
+    from flexarm_ros.nodes.runtime.parameters.declared import declare_own
+    from flexarm_ros.nodes.runtime.parameters.own import OWN
     from rclpy.parameter import Parameter as RosParameter
 
     node, _ = rclpy_node

@@ -27,7 +27,7 @@ import pytest
 run_control = pytest.importorskip('flexarm_ros.nodes.run_control.services', reason='needs rclpy')
 simulation_services = pytest.importorskip('flexarm_ros.nodes.run_control.simulation_services')
 GoalResponse = pytest.importorskip('rclpy.action').GoalResponse
-status = pytest.importorskip('flexarm_ros.nodes.runtime.status')
+status = pytest.importorskip('flexarm_ros.nodes.runtime.joining.status')
 
 STOPPED, PLAYING, PAUSED, QUITTING, NO_WORLD = range(5)
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)

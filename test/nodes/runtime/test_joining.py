@@ -26,9 +26,9 @@ from pathlib import Path
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from flexarm_ros.nodes.runtime import status
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.status import Phase
+from flexarm_ros.nodes.runtime.joining import status
+from flexarm_ros.nodes.runtime.joining.status import Phase
 from nodetools import ROLES, wait_for, write_scenario
 import pytest
 from wiretools import Joining

@@ -27,9 +27,9 @@ import subprocess
 import sys
 import threading
 
-from flexarm_ros.nodes.runtime.channels import Input
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.status import Board, Phase, Status
+from flexarm_ros.nodes.runtime.joining.status import Board, Phase, Status
+from flexarm_ros.nodes.runtime.topics.channels import Input
 from nodetools import finish, flexarm, start_node, wait_for, write_scenario
 import pytest
 from repository import STANDIN
@@ -42,7 +42,7 @@ KINDS = ('none', 'handle unnumbered', 'none unnumbered')
 
 PROBE = """
 import rclpy
-from flexarm_ros.nodes.runtime.status import Board
+from flexarm_ros.nodes.runtime.joining.status import Board
 rclpy.init()
 node = rclpy.create_node("probe")
 board = Board(node, "plant")

@@ -22,8 +22,8 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-from flexarm_ros.nodes.runtime import middleware
-from flexarm_ros.nodes.runtime.middleware import fastdds_version, prepare, PROFILES
+from flexarm_ros.nodes.runtime.process import middleware
+from flexarm_ros.nodes.runtime.process.middleware import fastdds_version, prepare, PROFILES
 import pytest
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -69,7 +69,7 @@ def test_the_version_is_that_of_the_rmw_package(
 
 def test_fast_dds_takes_the_profiles_without_a_word(ros_domain: int) -> None:
     code = (
-        'from flexarm_ros.nodes.runtime.middleware import prepare\n'
+        'from flexarm_ros.nodes.runtime.process.middleware import prepare\n'
         'prepare()\n'
         'import rclpy\n'
         'rclpy.init()\n'
@@ -99,7 +99,7 @@ def test_a_process_that_cannot_leave_ends_with_its_status() -> None:
     """Fast DDS keeps one now and then from leaving a run in which all was well."""
     code = """
 import time
-from flexarm_ros.nodes.runtime import shutdown_watchdog as watchdog
+from flexarm_ros.nodes.runtime.process import shutdown_watchdog as watchdog
 watchdog._OWN_LIMIT_S = 0.2
 with watchdog.leaving({status}):
     time.sleep(30.0)

@@ -103,7 +103,7 @@ def test_two_arms_fly_in_lockstep_each(
 
 
 def test_two_arms_of_the_command_line(tmp_path: Path, ros_domain: int) -> None:
-    from flexarm_ros.bag.digest import digest_of
+    from flexarm_ros.bag.checks.digest import digest_of
 
     arms = {'left': 'fls_tip', '/right/arm': 'pd_mid'}
     runs = [

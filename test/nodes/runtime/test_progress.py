@@ -21,7 +21,7 @@ from pathlib import Path
 import subprocess
 import time
 
-from flexarm_ros.nodes.runtime.graph import TICK_TOPIC
+from flexarm_ros.nodes.runtime.topics.graph import TICK_TOPIC
 from nodetools import write_scenario
 import pytest
 from std_msgs.msg import UInt64

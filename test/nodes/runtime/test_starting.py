@@ -22,10 +22,10 @@ import shlex
 import subprocess
 import sys
 
-from flexarm_ros.nodes.runtime.compatibility import connects, shown
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.graph import qos_profile
-from flexarm_ros.nodes.runtime.status import HEARD, Phase
+from flexarm_ros.nodes.runtime.joining.compatibility import connects, shown
+from flexarm_ros.nodes.runtime.joining.status import HEARD, Phase
+from flexarm_ros.nodes.runtime.topics.graph import qos_profile
 from nodetools import finish, flexarm, ROLES, start_node, wait_for, write_scenario
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy

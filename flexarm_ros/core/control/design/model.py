@@ -24,9 +24,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from flexarm_ros.core.arm.full.dynamics import acceleration, Work
+from flexarm_ros.core.arm.full.model import Constants
 from flexarm_ros.core.arm.kinematics import elastic_point
-from flexarm_ros.core.arm.plant_full_dynamics import acceleration, Work
-from flexarm_ros.core.arm.plant_full_model import Constants
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.matrix import multiply
 import numpy as np

@@ -21,10 +21,10 @@ from functools import lru_cache
 import math
 from typing import NamedTuple
 
+from flexarm_ros.core.arm.full.dynamics import make_work
+from flexarm_ros.core.arm.full.model import Constants, link_bases, make_constants_on
+from flexarm_ros.core.arm.full.plant import FullPlant
 from flexarm_ros.core.arm.kinematics import inverse_kinematics, make_point
-from flexarm_ros.core.arm.plant_full import FullPlant
-from flexarm_ros.core.arm.plant_full_dynamics import make_work
-from flexarm_ros.core.arm.plant_full_model import Constants, link_bases, make_constants_on
 from flexarm_ros.core.control.design.model import Arm, Point
 from flexarm_ros.core.control.design.plan import fill_ticks, Grid, make_plan, Motion, Weights
 from flexarm_ros.core.numerics.compiled import FloatArray

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.arm.plant_full_dynamics import step
+from flexarm_ros.core.arm.full.dynamics import step
 from flexarm_ros.core.control.design.model import (
     Arm,
     interval_matrices,

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.arm.plant_full_model import Constants
+from flexarm_ros.core.arm.full.model import Constants
 from flexarm_ros.core.control.design.model import (
     Arm,
     interval_matrices,

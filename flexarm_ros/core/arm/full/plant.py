@@ -1,0 +1,141 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ``full`` plant: two inextensible Euler-Bernoulli links with every inertia term."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from flexarm_ros.core.arm.full.dynamics import (
+    end_deflections,
+    energy,
+    make_work,
+    mass_and_bias,
+    step,
+)
+from flexarm_ros.core.arm.full.model import DAMPING, make_constants, STIFFNESS
+from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.small_linalg import largest_rate
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
+from flexarm_ros.core.signals import coordinate_names
+from flexarm_ros.core.timeline import Timeline
+import numpy as np
+
+ACCURATE_PHASE = 0.33
+"""Default phase of the fastest coordinate in one integrator step, rad.
+
+RK4 reduces an undamped mode's amplitude by phase^6 / 144 per step: 9e-6 at
+0.33 rad.  The fastest coordinate of this model belongs to the discretisation
+(several times the highest mode that the basis resolves) and hardly moves;
+modes of a third of its frequency lose 1e-8 per step.  The energy of a free
+motion then stays within 1e-6 over 5 s even after torque pulses.
+"""
+
+_ANGLES = 25
+"""Elbow angles from 0 to pi at which the highest rate is evaluated."""
+
+
+class FullPlant:
+    """
+    The arm of :mod:`flexarm_ros.core.arm.full.model`; a ``Plant``.
+
+    ``q`` and ``qd``, shape ``(2 + 2 modes,)``, in the order of ``names``:
+    theta1, theta2 (rad), then the coordinates of link 1 and link 2 (m); views
+    that :meth:`step` and :meth:`set_state` change in place.  Starts straight
+    and at rest at theta1 = theta2 = 0.  Raises ``ValueError`` if ``plant.substeps`` is too
+    small.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        period = Timeline.of(config.run).period
+        self.names = coordinate_names(config.plant.modes)
+        self.limits = deflection_limits(config.plant)
+        self.constants = make_constants(config.plant)
+        self.substeps = _substeps(config, period)
+        self._step = period / self.substeps
+        size = len(self.names)
+        self.q: FloatArray = np.zeros(size)
+        self.qd: FloatArray = np.zeros(size)
+        self._mass = np.zeros((size, size))
+        self._work = make_work(config.plant.modes)
+        self._ends = (0.0, 0.0, 0.0, 0.0)
+
+    def step(self, tau1: float, tau2: float) -> None:
+        """Advance by one tick with the joint torques, N m, held."""
+        self._ends = step(
+            self.constants, self.q, self.qd, tau1, tau2, self._step, self.substeps, self._mass,
+            self._work,
+        )  # fmt: skip
+
+    def deflections(self) -> tuple[float, float, float, float]:
+        """Return delta1, delta2 (m) and their rates (m/s)."""
+        return self._ends
+
+    def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
+        """Overwrite the state, shapes ``(2 + 2 modes,)``."""
+        self.q[:] = q
+        self.qd[:] = qd
+        self._ends = end_deflections(self.constants.vectors, self.q, self.qd)
+
+    def energy(self) -> float:
+        """Return the kinetic plus the elastic energy, J."""
+        return float(energy(self.constants, self.q, self.qd, self._mass, self._work)[0])
+
+    def momentum(self) -> float:
+        """
+        Return the momentum conjugate to theta1, N m s.
+
+        Without hub inertia this is the angular momentum about the shoulder.
+        """
+        return float(energy(self.constants, self.q, self.qd, self._mass, self._work)[1])
+
+
+def mass_matrix(plant: PlantParameters, q: FloatArray) -> FloatArray:
+    """Return M(q), shape ``(2 + 2N, 2 + 2N)``, of the full model at ``q``."""
+    size = 2 + 2 * plant.modes
+    lower, force = np.zeros((size, size)), np.zeros(size)
+    work = make_work(plant.modes)
+    mass_and_bias(make_constants(plant), np.asarray(q, float), force.copy(), lower, force, work)
+    return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
+
+
+def elastic_diagonals(plant: PlantParameters) -> tuple[FloatArray, FloatArray]:
+    """Return the diagonals of stiffness and damping, shape ``(2 + 2N,)``, zero at the joints."""
+    vectors = make_constants(plant).vectors
+    zeros = np.zeros(2)
+    return (
+        np.concatenate([zeros, vectors[:, STIFFNESS].ravel()]),
+        np.concatenate([zeros, vectors[:, DAMPING].ravel()]),
+    )
+
+
+def highest_frequency(config: RunConfig) -> float:
+    """Return the largest natural rate |s| of the straight-linked arm, 1/s, over elbow angles."""
+    stiffness, damping = elastic_diagonals(config.plant)
+    q = np.zeros(len(stiffness))
+    highest = 0.0
+    for pose in range(_ANGLES):
+        q[1] = math.pi * pose / (_ANGLES - 1)
+        highest = max(highest, largest_rate(mass_matrix(config.plant, q), damping, stiffness))
+    return highest
+
+
+def _substeps(config: RunConfig, period: float) -> int:
+    highest = highest_frequency(config)
+    if config.plant.substeps is None:
+        return max(1, math.ceil(highest * period / ACCURATE_PHASE))
+    return choose_substeps(config.plant, period, highest)

@@ -1,0 +1,481 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Joining a run: who is there, do we agree on the scenario, are we all connected."""
+
+from __future__ import annotations
+
+from itertools import chain
+import math
+import time
+from typing import Any, NoReturn
+
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import readers, ROLES
+from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
+from flexarm_ros.nodes.runtime.joining.compatibility import (
+    connects,
+    publisher_fault,
+    shown,
+    subscriber_faults,
+)
+from flexarm_ros.nodes.runtime.joining.config_exchange import (
+    Disagreement,
+    dump_sections,
+    merge_sections,
+)
+from flexarm_ros.nodes.runtime.joining.status import (
+    Board,
+    epoch_of,
+    heard_by,
+    Phase,
+    plant_of,
+    Status,
+    TOPIC,
+    TYPE,
+)
+from flexarm_ros.nodes.runtime.member import Member
+from flexarm_ros.nodes.runtime.process.middleware import gid_prefix, name, source_of
+from flexarm_ros.nodes.runtime.process.supervisor import interrupted
+from flexarm_ros.nodes.runtime.topics.graph import OUTPUT, read_by
+from flexarm_ros.nodes.runtime.topics.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
+from rclpy.publisher import Publisher
+
+_FOREIGN_AFTER_S = 2.0
+"""Seconds after which a publisher without a status counts as an external node."""
+_ECHO_S, _ECHO_LOOKS = 1.0, 50
+"""Longest wait for this node's own status to come back: seconds, and looks at the least.
+
+A process that is not given the processor looks less often.
+"""
+_NAMES_S = 5.0
+"""Seconds after which nodes of one name that cannot be told apart end the run."""
+_COMPATIBLE_S = 0.2
+"""Seconds between looks at the graph for endpoints that never connect."""
+_NAMELESS_S = 1.0
+"""Seconds in which the graph tells the name of an endpoint's node, if it ever does."""
+_CONNECT_S = 15.0
+"""Seconds in which nodes that know of one another must be connected; it takes one at most."""
+_STRANGERS_S = 0.1
+"""Seconds for which a look at the graph for publishers outside the run holds."""
+_ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
+AT_START = 'start: '
+"""Beginning of the reason of a start that has failed."""
+_BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
+
+
+class Membership:
+    """What one participant knows of its run's members."""
+
+    def __init__(self, me: Member, board: Board) -> None:
+        self._me = me
+        self._board = board
+        self.config: RunConfig = me.config
+        self.built = False
+        self.refused = False
+        self._since: float | None = None
+        self._newcomers = -1
+        self._foreign_since: dict[str, float] = {}
+        self._silent_since: dict[bytes, float] = {}
+        self._unmatched_since: float | None = None
+        self._next_check = -math.inf
+        self._fault_since: float | None = None
+        self.deaf: dict[str, None] = {}
+        """Subscriptions outside the run that cannot hear this node's publishers, and why not."""
+        self.foreign: set[str] = set()
+        self._members: dict[str, str] = {}
+        self._looks = 0
+        self._judged: dict[tuple[str, bytes], tuple[float, bool | None]] = {}
+
+    def required(self) -> list[str]:
+        """Return the roles that the run needs, this node's own left out."""
+        skip = {self._me.ROLE} if self.config.run.record else {self._me.ROLE, 'recorder'}
+        return [role for role in ROLES if role not in skip]
+
+    def own_parameters(self) -> str:
+        """Return this node's section and the common one as JSON, for the peers."""
+        return dump_sections(self._me.config, self._me.ROLE)
+
+    def status_of(self, role: str) -> Status | None:
+        """
+        Return the status of a role's holder, None where there is none.
+
+        The holder is whoever was there when this node became ready; before, of
+        those who are there, the one that was first.  This node's own role has no
+        other holder, whoever says so.
+        """
+        if role == self._me.ROLE:
+            return None
+        if role in self._members:
+            return self._board.others.get(self._members[role])
+        held = self._board.of(role)
+        return min(held, key=lambda s: (s.phase.over, s.identity)) if held else None
+
+    def sent_by(self, role: str, topic: str, info: dict[str, Any]) -> bool | None:
+        """
+        Whether a message on ``topic`` with this ``info`` comes from the holder of ``role``.
+
+        Where a message does not tell its publisher's GID: whether it comes from a node of
+        the run; None where that cannot be told, because others publish there too.
+        """
+        status = self.status_of(role)
+        if status is None:
+            return role in self.foreign
+        sender, length = sender_of(info), gid_prefix()
+        if self._board.sender_info is SenderInfo.GID and length:
+            return sender[:length] == self._board.source(status)
+        now = time.monotonic()
+        until, ours = self._judged.get((topic, sender), (now, None))
+        if now >= until:
+            ours = None if self._strangers(topic) else True
+            until = math.inf if sender and ours else now + _STRANGERS_S
+            self._judged[topic, sender] = until, ours
+        return ours
+
+    def settle(self) -> None:
+        """Keep to the peers that are there now: a newcomer changes nothing any more."""
+        held = {role: self.status_of(role) for role in self.required()}
+        self._members = {role: status.identity for role, status in held.items() if status}
+
+    # --- joining ---------------------------------------------------------------------
+
+    def join(self, now: float) -> bool:
+        """Return True when every role is filled and all agree on the scenario."""
+        self._check_patience(now)
+        if self._board.sender_info is None:
+            self._check_echo(now)
+            return False
+        self._board.forget_the_gone()
+        self._refuse_a_second_holder()
+        self._heed_failures()
+        self._check_compatibility(now)
+        missing = [role for role in self.required() if not self._filled(role, now)]
+        if missing:
+            self._wait(f'no {", ".join(missing)} has joined')
+            self._patience_for(missing, now)
+            return False
+        if self._somebody_is_silent(now):
+            return False
+        self._wait('')
+        if not self.built:
+            self.config = self._merge()
+        return True
+
+    def _wait(self, what: str) -> None:
+        """Tell the peers what this node is waiting for; empty: nothing."""
+        text = what or self._board.mine.phase.value
+        if text != self._board.mine.text:
+            self._board.publish(text=text)
+
+    def _heed_failures(self) -> None:
+        """
+        Leave with a peer's reason where its start has failed after it had heard of this node.
+
+        A failure before that belongs to another attempt to start, and a peer that the user
+        has interrupted may come again.
+        """
+        for other in self._board.others.values():
+            starting = not plant_of(other) or other.text.startswith(AT_START)
+            told = self._board.mine.identity in heard_by(other)
+            if other.phase is Phase.FAILED and starting and told and not interrupted(other.text):
+                role = other.role if other.role in ROLES else ''
+                raise RunFailed(other.blame or role, other.text, told_by=role)
+
+    def _check_compatibility(self, now: float) -> None:
+        """Leave where a publisher or subscription of an external node can never connect."""
+        if now < self._next_check:
+            return
+        self._next_check = now + _COMPATIBLE_S
+        fault = self._incompatible()
+        if fault is None:
+            self._fault_since = None
+            return
+        self._fault_since = now if self._fault_since is None else self._fault_since
+        if UNKNOWN_NODE not in fault.reason or now - self._fault_since >= _NAMELESS_S:
+            raise fault
+
+    def _incompatible(self) -> RunFailed | None:
+        me = self._me
+        requested = {
+            entry.topic: entry.subscription.qos_profile
+            for entry in me.inputs.values()
+            if entry.source != 'plant'  # ours always; /clock is another arm's too
+        }
+        for topic, qos in requested.items():
+            fault = publisher_fault(me, topic.name, topic.type_name, qos)
+            if fault:
+                return RunFailed(topic.node, f'start: {fault}')
+        fault = publisher_fault(me, TOPIC, TYPE, self._board.read_qos)
+        if fault:
+            return RunFailed('', f'start: {fault}')
+        for output in me.outputs.values():
+            name, qos = output.topic.name, output.publisher.qos_profile
+            for endpoint, fault in subscriber_faults(me, name, output.topic.type_name, qos):
+                role = self._external_reader(name, source_of(endpoint))
+                if role:
+                    return RunFailed(role, f'start: {fault}')
+                if UNKNOWN_NODE not in fault:
+                    self.deaf[fault] = None
+        return None
+
+    def _external_reader(self, topic: str, source: bytes) -> str:
+        """Return the role of the external node from ``source`` that reads ``topic``, or none."""
+        for role in readers(topic):
+            if role in OUTPUT and any(
+                source_of(e) == source for e in self._strangers(OUTPUT[role])
+            ):
+                return role
+        return ''
+
+    def _check_patience(self, now: float) -> None:
+        """Restart the limit on joining at each newcomer."""
+        if self._since is None or self._newcomers != self._board.newcomers:
+            self._since, self._newcomers = now, self._board.newcomers
+
+    def _check_echo(self, now: float) -> None:
+        """Refuse a middleware that does not return this node's own status."""
+        self._looks += 1
+        if self._since is None or now - self._since <= _ECHO_S or self._looks <= _ECHO_LOOKS:
+            return
+        raise RunFailed(
+            '', f"start: {name()} does not return a node's own messages on {TOPIC}, by which "
+            'publishers are told apart'
+        )  # fmt: skip
+
+    def _patience_for(self, missing: list[str], now: float) -> None:
+        limit = self._me.config.run.start_timeout
+        if self._since is not None and now - self._since > limit:
+            names = ', '.join(missing)
+            raise NeverMet(missing[0], f'start: no {names} joined within {limit:g} s')
+
+    def _refuse_a_second_holder(self) -> None:
+        """Leave if another node holds this role already, or held it when the run began."""
+        role = self._me.ROLE
+        for other in self._board.of(role):
+            if other.phase.over:
+                continue
+            earlier = other.phase is not Phase.JOINING
+            if earlier or other.identity < self._board.mine.identity:
+                self._refuse(f'another {role} ({other.node}) takes part in this run')
+        plant = self.status_of('plant')
+        if plant is not None and plant.phase in _BEGUN:
+            # It waits for all before it begins: the seat is, or was, somebody else's.
+            self._refuse(f'this run has begun already; a new {role} cannot join it')
+        if role == 'plant':
+            self._refuse_a_second_plant()
+
+    def _refuse_a_second_plant(self) -> None:
+        """Leave if a peer flies with another plant, which may have died since."""
+        for other in self._board.others.values():
+            if not other.phase.over and plant_of(other) not in ('', self._board.mine.identity):
+                self._refuse(f'{other.node} takes part in a run with another plant')
+
+    def _refuse(self, why: str) -> NoReturn:
+        self.refused = True
+        raise RunFailed(self._me.ROLE, f'refused: {why}')
+
+    def _somebody_is_silent(self, now: float) -> bool:
+        """
+        Whether somebody in the graph has not said yet who he is, and may still do so.
+
+        It may be another holder of this node's role, whose status is on its way.
+        """
+        since = self._silent_since
+        self._silent_since = {source: since.get(source, now) for source in self._board.silent()}
+        return any(now - first < _FOREIGN_AFTER_S for first in self._silent_since.values())
+
+    def _filled(self, role: str, now: float) -> bool:
+        """Whether one of ours, or after a while a foreign node, fills ``role``."""
+        ours = [s for s in self._board.of(role) if not s.phase.over]
+        if ours:
+            self.foreign.discard(role)
+            return True
+        topic = OUTPUT.get(role)
+        if topic is None or not self._listening(role, self._strangers(topic)):
+            self._foreign_since.pop(role, None)
+            return False
+        since = self._foreign_since.setdefault(role, now)
+        if now - since < _FOREIGN_AFTER_S:
+            return False
+        self.foreign.add(role)
+        return True
+
+    def _listening(self, role: str, strangers: list[Any]) -> bool:
+        """
+        Whether these publishers' node reads what ``role`` answers, as far as the graph shows.
+
+        Discovery shows a node's publishers before its subscriptions: to begin
+        in between would cost it the first message.
+        """
+        senders = {source_of(endpoint) for endpoint in strangers}
+        topics = read_by(role)
+        readers = {
+            source_of(endpoint)
+            for topic in topics
+            for endpoint in self._me.get_subscriptions_info_by_topic(
+                self._me.resolve_topic_name(topic)
+            )
+        }
+        return bool(senders & readers if topics else senders)
+
+    def _strangers(self, topic: str) -> list[Any]:
+        """Return the publishers of ``topic`` that belong to no participant."""
+        resolved = self._me.resolve_topic_name(topic)
+        known = self._board.writers()
+        return [
+            endpoint
+            for endpoint in self._me.get_publishers_info_by_topic(resolved)
+            if source_of(endpoint) not in known
+        ]
+
+    def _merge(self) -> RunConfig:
+        """
+        Return the scenario made of every participant's own section.
+
+        Raises RunFailed where two nodes disagree on what they share.
+        """
+        held = [self.status_of(role) for role in self.required()]
+        texts = {s.role: (s.node, s.parameters) for s in held if s and not s.phase.over}
+        try:
+            return merge_sections(self._me.config, texts)
+        except Disagreement as error:
+            raise RunFailed('', f'start: the nodes disagree: {error}') from None
+
+    # --- connections -------------------------------------------------------------------
+
+    def matched(self, now: float) -> bool:
+        """Whether every input has its publisher and every output all its readers."""
+        inputs = (i.topic.name for i in self._me.inputs.values() if not self._input_matched(i))
+        outputs = (
+            o.topic.name
+            for o in self._me.outputs.values()
+            if not self.heard(o.topic.name, o.publisher)
+        )
+        late = next(chain(inputs, outputs), None)
+        self._wait(f'{late} is not connected' if late else '')
+        if late is None:
+            return True
+        self._unmatched_since = now if self._unmatched_since is None else self._unmatched_since
+        limit = min(_CONNECT_S, self._me.config.run.start_timeout)
+        waited = now - self._unmatched_since
+        if waited > min(_NAMES_S, limit):
+            self._check_names()
+        if waited > limit:
+            raise NeverMet(
+                '', f'start: {late} is not connected within {limit:g} s{self._seen_of(late)}'
+            )
+        return False
+
+    def _seen_of(self, topic: str) -> str:
+        """Return who publishes and reads ``topic`` in the graph, and what is connected of it."""
+        me, name = self._me, self._me.resolve_topic_name(topic)
+        said = []
+        if topic in me.inputs:
+            found = [node_of(e) for e in me.get_publishers_info_by_topic(name)]
+            count = me.inputs[topic].subscription.handle.get_publisher_count()
+            said.append(f'publishers found: {", ".join(found) or "none"}; connected: {count}')
+        if topic in me.outputs:
+            found = [node_of(e) for e in me.get_subscriptions_info_by_topic(name)]
+            count = me.outputs[topic].publisher.get_subscription_count()
+            said.append(f'readers found: {", ".join(found) or "none"}; connected: {count}')
+        return f' ({"; ".join(said)})' if said else ''
+
+    def _check_names(self) -> None:
+        """Raise RunFailed where nodes of one name cannot be told apart."""
+        for role in self.required():
+            status = self.status_of(role)
+            if status is not None and not self._board.source(status):
+                raise RunFailed(
+                    '', f'start: two nodes are named {status.node}, which {name()} does not '
+                    'tell apart; give one another name (-r __node:=NAME)'
+                )  # fmt: skip
+
+    def _input_matched(self, entry: Any) -> bool:
+        endpoints = self._me.get_publishers_info_by_topic(entry.subscription.topic_name)
+        strangers = self._strangers(entry.topic.name)
+        if entry.source in self.foreign:
+            mine = strangers
+        else:
+            status = self.status_of(entry.source)
+            source = self._board.source(status) if status and not status.phase.over else b''
+            mine = [e for e in endpoints if source and source_of(e) == source]
+            if entry.topic.name == '/clock':
+                strangers = []  # another arm of this graph may have a clock too
+            mine += strangers
+        if len(mine) > 1:
+            nodes = ' and '.join(sorted(node_of(endpoint) for endpoint in mine))
+            raise RunFailed('', f'start: two publishers on {entry.topic.name}: {nodes}')
+        if not mine or entry.subscription.handle.get_publisher_count() < 1:
+            return False
+        assert self._board.sender_info is not None
+        # One that holds its samples says the same again.
+        held = entry.source == 'tip_sensor' and self._me.config.tip_sensor.rate > 0.0
+        rising = entry.source in self.foreign and not held
+        entry.bind(mine[0], self._board.sender_info, rising)
+        return True
+
+    def heard(self, topic: str, publisher: Publisher) -> bool:
+        """Whether the readers are there, and the middleware has connected as many as it sees."""
+        roles = [r for r in readers(topic) if r in self.required()]
+        endpoints = self._me.get_subscriptions_info_by_topic(publisher.topic_name)
+        for role in roles:
+            if role in self.foreign:
+                continue
+            status = self.status_of(role)
+            if status is None:
+                return False
+            source = self._board.source(status)
+            if not source or not any(source_of(e) == source for e in endpoints):
+                return False
+        mine = shown(publisher.qos_profile)
+        able = sum(connects(mine, e.qos_profile) for e in endpoints)
+        return bool(publisher.get_subscription_count() >= able >= min(1, len(roles)))
+
+    # --- while it runs -------------------------------------------------------------------
+
+    def all_ready(self, epoch: int) -> bool:
+        """Whether every peer of ours is connected and built (plant: tick 0 may go out)."""
+        for role in self.required():
+            if role in self.foreign:
+                continue
+            status = self.status_of(role)
+            if status is None or status.phase in _ON_THE_WAY:
+                return False
+            if epoch_of(status) != epoch:
+                return False
+        return True
+
+    def not_ready(self) -> list[str]:
+        """Return the roles that are still joining or resetting."""
+        late = []
+        for role in self.required():
+            status = self.status_of(role)
+            if role not in self.foreign and (status is None or status.phase in _ON_THE_WAY):
+                late.append(role)
+        return late
+
+    def watch(self, now: float) -> None:
+        """Raise RunFailed where a peer has failed."""
+        for role in self.required():
+            status = self.status_of(role)
+            if status is not None and status.phase in (Phase.FAILED, Phase.REFUSED):
+                raise RunFailed(status.blame or role, status.text, told_by=role)
+
+    def waited_for(self, role: str) -> str:
+        """Return what the holder of ``role``, which still joins, is waiting for; else empty."""
+        status = self.status_of(role)
+        joining = status is not None and status.phase is Phase.JOINING
+        return (
+            f': {status.text}' if status and joining and status.text != status.phase.value else ''
+        )

@@ -1,0 +1,375 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A node's topics in the order of ticks: inputs by tick, outputs as bytes.
+
+Tick k of a run is at ``T0 + k T``.  Nothing here looks at the wall clock.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+import math
+from typing import Any
+
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.runtime.errors import RunFailed
+from flexarm_ros.nodes.runtime.joining.status import printable
+from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
+from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
+from flexarm_ros.nodes.runtime.topics.identity import gid_of, node_of, SenderInfo
+from flexarm_ros.wire.topics import Topic
+import numpy as np
+from rclpy.node import Node
+
+Values = tuple[float, ...]
+_FAULT_LENGTH = 200
+_MOST_MESSAGES = 2000
+"""Messages taken at once: a flood of invalid ones must not keep a node from looking around."""
+
+
+class Output:
+    """One per-tick topic that this node publishes, as serialized bytes."""
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        self.topic = topic
+        self.publisher = node.create_publisher(
+            message_class(topic.type_name), topic.name, qos_profile(topic.qos),
+            qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self.near: tuple[Input, ...] = ()
+        self._heard = True
+        self.configure(topic, None)
+
+    def configure(self, topic: Topic, timeline: Timeline | None) -> None:
+        """Take the layout of the agreed scenario."""
+        self.topic = topic
+        self._encode = topic.codec.encode
+        self._publish = self.publisher.handle.publish_raw  # `publish` asks for the type each time
+
+    def send(self, stamp_ns: int, *values: float) -> None:
+        """Publish one message with the values in the order of the codec's fields."""
+        data = self._encode(stamp_ns, *values)
+        for entry in self.near:
+            entry.arrived.append((data, stamp_ns, values))
+        if self._heard:
+            self._publish(data)
+
+    def look(self) -> None:
+        """See whether anybody listens beside the readers that are handed the messages."""
+        if self.near:
+            self._heard = self.publisher.get_subscription_count() > len(self.near)
+
+
+class Input:
+    """
+    One per-tick topic that this node reads, in the order of ticks.
+
+    The middleware's queue is the only queue: a message is taken when its tick
+    is due.  Where the topic has no message at each tick (`Topic.every`), ``tick`` and the ticks
+    below count its messages; `whole` is in ticks of the run.
+    """
+
+    def __init__(self, node: Node, topic: Topic, reject: Callable[[str, str], None]) -> None:
+        self.topic = topic
+        self._reject = reject
+        self._type = message_class(topic.type_name)
+        self.subscription = node.create_subscription(
+            self._type, topic.name, lambda _: None, qos_profile(topic.qos),
+            callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
+        )  # fmt: skip
+        self.handle = self.subscription.handle
+        self._take = self.handle.take_message
+        self.arrived: deque[tuple[bytes, int, Values]] = deque()
+        self.near = False
+        """Whether the publisher is in this process and hands its messages over; see `connect`."""
+        self.accepted = b''
+        """
+        Sender (`identity.sender_of`) of the one publisher that this run has for the topic.
+
+        A handle, which the graph does not show, is that of the first valid message.
+        """
+        self._sender = b''
+        self._unnamed = True
+        """Whether messages do not tell whether their publisher is the run's."""
+        self.source = topic.node
+        self.sender = ''
+        """Name of the node that publishes for this run, once it is known."""
+        self._rising = False
+        # /clock is every arm's of a graph; the others are this run's alone.
+        alone = not topic.name.startswith('/')
+        self._unwanted = f"a publisher that is not this run's {topic.node}" if alone else ''
+        self.reset()
+
+    def reset(self) -> None:
+        """Expect tick 0 next."""
+        self.tick = -1
+        self.data = b''
+        self._sequence: int | None = None
+        self._gap = self._jumped = False
+        """Whether numbers have jumped since the last valid message, and whether ever."""
+        self.values: Values = ()
+        self.arrived.clear()
+        self._last_stamp = -(2**63)
+
+    @property
+    def whole(self) -> int:
+        """Number of ticks of the run of which every message that is due has come."""
+        return (self.tick + 1) * self.topic.every
+
+    def configure(self, topic: Topic, timeline: Timeline) -> None:
+        """Take the layout and the stamps of the agreed scenario."""
+        self.topic = topic
+        self._decode = topic.codec.decode
+        self._first_ns, self._period_ns = timeline.stamp_ns(0), topic.every * timeline.period_ns
+        self._exact = not topic.late
+
+    def drain(self) -> None:
+        """Throw away what is in the queue and expect tick 0 next."""
+        while self._take(self._type, True) is not None:
+            pass
+        self.reset()
+
+    def fetch(self, tick: int) -> bool:
+        """
+        Take messages until that of ``tick`` is here; False where it has not come yet.
+
+        Raises `RunFailed` on a message that is none of the run's, unless the
+        parameter ``on_invalid`` says to pass over it.
+        """
+        if self.tick >= tick:
+            return True
+        for _ in range(_MOST_MESSAGES):
+            if self.near:
+                if not self.arrived:
+                    return False
+                fault = self._judge(*self.arrived.popleft())
+            else:
+                data = self._next(self.tick + 1)
+                if data is None:
+                    return False
+                fault = self._read(data)
+            if fault:
+                self._complain(fault)
+            elif self.tick >= tick:
+                return True
+        return False
+
+    def _next(self, tick: int) -> bytes | None:
+        """
+        Take the next message of the publisher that this run has for the topic.
+
+        None where there is none.  Raises `RunFailed` where one between the last one
+        and ``tick``'s is lost.
+        """
+        for _ in range(_MOST_MESSAGES):
+            taken = self._take(self._type, True)
+            if taken is None:
+                return None
+            data: bytes = taken[0]
+            info = taken[1]
+            if self._ours(info) and self._in_sequence(info, tick):
+                return data
+            self._complain(self._unwanted)
+        return None
+
+    def _ours(self, info: dict[str, Any]) -> bool:
+        """Whether a message comes from the publisher that this run has for the topic."""
+        if self._unnamed:
+            return True
+        self._sender: bytes = info['publisher_gid']['data'][:16]
+        return self._sender == self.accepted or not self.accepted
+
+    def _in_sequence(self, info: dict[str, Any], tick: int) -> bool:
+        """
+        Whether a message follows the last one of the run's publisher; see `_next`.
+
+        True too where the middleware does not number messages.  A gap is a lost message,
+        unless messages do not tell their publisher and it may be another's, which may have
+        left already: then the stamp tells, or where it need not be the tick's, the number.
+        """
+        number = info.get('publication_sequence_number')
+        if number is None:
+            return True
+        last = self._sequence
+        if last is not None and number != last + 1:
+            if self._unnamed and self._exact:
+                self._gap = self._jumped = True
+            elif self._unnamed and (number <= last or not self._only_publisher()):
+                return False
+            else:
+                raise self._lost(tick)
+        self._sequence = number
+        return True
+
+    def _lost(self, tick: int) -> RunFailed:
+        tick *= self.topic.every
+        return RunFailed(self.source, f'tick {tick}: a message on {self.topic.name} is lost')
+
+    def _mixed(self) -> bool:
+        """Whether what comes may be another arm's clock, and messages do not tell."""
+        if self._unwanted or not self._unnamed:
+            return False
+        return self._jumped or not self._only_publisher()
+
+    def _only_publisher(self) -> bool:
+        """Whether the middleware has connected one publisher at most."""
+        return bool(self.handle.get_publisher_count() <= 1)
+
+    def _complain(self, fault: str) -> None:
+        """
+        Count a message as invalid; nothing where there is no fault with it.
+
+        Another arm's clock, where messages do not tell their publisher, is no fault.
+        """
+        if fault and not self._mixed():
+            self._reject(self.topic.name, fault)
+
+    def _read(self, data: bytes) -> str:
+        """Decode ``data`` and judge it; see `_judge`."""
+        try:
+            stamp, values = self._decode(data)
+        except ValueError:  # of another layout, as a node of somebody else's may have it
+            try:
+                stamp, values = self.topic.codec.decode_any(data)
+            except ValueError as error:
+                return printable(str(error), _FAULT_LENGTH)  # what a stranger wrote is in it
+        return self._judge(data, stamp, values)
+
+    def _judge(self, data: bytes, stamp: int, values: Values) -> str:
+        """Make this the message of the next tick, or say what is wrong with it."""
+        tick = self.tick + 1
+        due = self._first_ns + tick * self._period_ns
+        if stamp != due and (self._exact or stamp > due):
+            if stamp > due and self._gap and self._unwanted and self._only_publisher():
+                raise self._lost(tick)
+            return f'stamp {stamp} ns where tick {tick * self.topic.every} has {due} ns'
+        if self._rising and stamp <= self._last_stamp:
+            return f'stamp {stamp} ns again at tick {tick}, or older than the one before'
+        if not math.isfinite(sum(values)) and (fault := self._not_finite(values)):
+            return f'{fault} at tick {tick}'
+        self._last_stamp = stamp
+        self.tick, self.data, self.values = tick, data, values
+        self._gap = False
+        self.accepted = self.accepted or self._sender
+        return ''
+
+    def _not_finite(self, values: Values) -> str:
+        """Return which value is not finite and which node sent it; empty where all are."""
+        named = zip(self.topic.codec.fields, values, strict=True)
+        wrong = [f'{name} is {value}' for name, value in named if not math.isfinite(value)]
+        return f'{wrong[0]}, from {self.sender or self.source},' if wrong else ''
+
+    def fetch_block(self, until: int, into: list[bytes]) -> None:
+        """
+        Take the messages up to tick ``until`` that have come, and append them to ``into``.
+
+        As `fetch` for each, but what is as it should be is judged together.  ``values``
+        are not kept.
+        """
+        while self.tick < until:
+            taken: list[bytes] = []
+            try:
+                self._take_block(min(until - self.tick, _MOST_MESSAGES), taken)
+            finally:
+                if not self._judge_block(taken):
+                    self._judge_each(taken, into)
+                else:
+                    into += taken
+            if not taken:
+                return
+
+    def _take_block(self, most: int, taken: list[bytes]) -> None:
+        """Append up to ``most`` messages of our publisher to ``taken``, undecoded."""
+        if self.near:
+            for _ in range(min(most, len(self.arrived))):
+                taken.append(self.arrived.popleft()[0])
+            return
+        known = self._unnamed or self.accepted
+        for tick in range(self.tick + 1, self.tick + 1 + (most if known else 1)):
+            data = self._next(tick)
+            if data is None:
+                return
+            taken.append(data)
+
+    def _judge_block(self, messages: Sequence[bytes]) -> bool:
+        """Make these the messages of the next ticks; False, and nothing done, where one is not."""
+        if not messages:
+            return True
+        try:
+            stamps, values = self.topic.codec.decode_block(messages)
+        except ValueError:
+            return False
+        first, last = self.tick + 1, self.tick + len(messages)
+        due = self._first_ns + self._period_ns * np.arange(first, last + 1)
+        ahead = stamps - due
+        rising = not self._rising or (np.diff(stamps, prepend=self._last_stamp) > 0).all()
+        if not rising or not np.isfinite(values).all() or (ahead > 0).any():
+            return False
+        if self._exact and ahead.any():
+            return False
+        self.tick, self.data, self._last_stamp = last, messages[-1], int(stamps[-1])
+        self._gap = False
+        self.accepted = self.accepted or self._sender
+        return True
+
+    def _judge_each(self, messages: Sequence[bytes], into: list[bytes]) -> None:
+        """Append those that are messages of the run to ``into``; the others are invalid."""
+        for data in messages:
+            fault = self._read(data)
+            self._complain(fault)
+            if not fault:
+                into.append(data)
+
+    def look(self) -> None:
+        """Where messages are handed over: see who else publishes here, throw the copies away."""
+        for _ in range(_MOST_MESSAGES):
+            taken = self._take(self._type, True) if self.near else None
+            if taken is None:
+                return
+            known = self.accepted and not self._unnamed
+            if not (self._ours(taken[1]) if known else self._only_publisher()):
+                self._complain(self._unwanted)
+
+    def bind(self, endpoint: Any, told: SenderInfo, rising: bool) -> None:
+        """
+        Accept messages of the publisher ``endpoint`` only, as far as messages tell theirs.
+
+        ``rising``: their stamps must increase, so that duplicates are caught, where they need
+        not be the ticks'.
+        """
+        shared = not self._unwanted  # a handle is told from others only where there is one
+        self._unnamed = told is SenderInfo.NONE or (told is SenderInfo.HANDLE and shared)
+        self.accepted = gid_of(endpoint) if told is SenderInfo.GID else b''
+        self.sender = node_of(endpoint)
+        self._rising = rising and not self._exact
+
+
+def connect(members: Iterable[tuple[Iterable[Input], Iterable[Output]]]) -> None:
+    """
+    Let the nodes of one process, each with its inputs and outputs, hand over their messages.
+
+    As with intra-process communication in rclcpp, a message then goes through
+    the middleware only while somebody else listens; it is serialized and judged
+    all the same.
+    """
+    nodes = [(list(inputs), list(outputs)) for inputs, outputs in members]
+    entries = [entry for inputs, _ in nodes for entry in inputs]
+    for output in [output for _, outputs in nodes for output in outputs]:
+        name = output.publisher.topic_name
+        output.near = tuple(e for e in entries if e.subscription.topic_name == name)
+        for entry in output.near:
+            entry.near = True
