@@ -33,7 +33,7 @@ this node wakes once in `graph.TICK_EVERY` ticks instead of at each.
 """
 
 BURST = TICK_EVERY + 2
-"""Most references published at one wake-up while the plant waits for none of them.
+"""Most references published for one report of the plant, which waits for none of them.
 
 No more than the default queue of a ROS 2 subscription, and of `ros2 bag record`, holds: 10
 messages.
@@ -85,8 +85,10 @@ class TrajectoryNode(Participant):
         self._reference.retune(config)
 
     def advance(self) -> bool:
-        """Publish references up to `AHEAD` ticks beyond the plant's."""
-        news = self._reached.update()
+        """Publish references up to `AHEAD` ticks beyond the plant's, at news of it."""
+        before, news = self._reached.ticks, self._reached.update()
+        if self._reached.ticks == before < self.tick:
+            return news  # woken by something else: one burst for each report of the plant
         until = ahead_until(self._reached.ticks, self.tick, self.timeline.ticks)
         if self.tick >= until:
             return news
