@@ -5,6 +5,8 @@
 # Another Python beside the first: make test VENV=.venvs/3.10 PYTHON=python3.10
 VENV ?= .venv
 export VENV
+# Where it is set, every process compiles the sources again, and pytest all tests.
+unexport PYTHONDONTWRITEBYTECODE
 BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 # Tests that run at once, of those that start no nodes.

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Build .venv, or bring it up to date. Does nothing, quickly, when nothing has changed.
+# Build .venv, or bring it up to date. Does nothing, quickly, when nothing has changed, but compile
+# the byte code of changed sources.
 #
 # Without a ROS 2 install around: rclpy comes from wheels, every version pinned in constraints/.
 # With one sourced (ROS_DISTRO set): rclpy comes from there, and none of its files are touched.
@@ -180,13 +181,17 @@ build() {
     say "make env: done; for flexarm and ros2 on the path: . $venv/bin/activate"
 }
 
-current && exit 0
+# Compile the package's byte code, 0.1 s where it is up to date. Where PYTHONDONTWRITEBYTECODE is
+# set, no run keeps it, and each of its processes takes up to 1 s longer to start.
+byte_code() { $venv/bin/python -m compileall -q flexarm_ros >/dev/null 2>&1 || true; }
+
 if [ "${1:-}" = --check ]; then
-    fail "make env: $venv is not up to date"
+    current || fail "make env: $venv is not up to date"
+    exit 0
 fi
-if command -v flock >/dev/null; then
+if ! current && command -v flock >/dev/null; then
     exec 9<. # one at a time
     flock 9
-    current && exit 0
 fi
-build
+current || build
+byte_code
