@@ -2,21 +2,43 @@
 # The tests: those that start no nodes side by side (TEST_JOBS, 2), then the others one at a time, so
 # that the nodes of a run have the machine to themselves. Arguments go to both. Exit status as
 # pytest's: 5 where neither part had a test.
+#
+# A test of nodes that fails is run once more and passes if it passes then; the last line names it.
+# CONTRIBUTING.md says why.
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-failed=0 empty=0
+failed=0 empty=0 again=yes
+case " $* " in
+*' -x '* | *' --exitfirst '* | *' --maxfail'*) again= ;; # the rest of the tests was not run
+esac
+failures=$(mktemp -d)
+trap 'rm -rf "$failures"' EXIT
+
 part() {
     "${VENV:-.venv}/bin/python" -m pytest "$@"
     case $? in
     0) ;;
     2) exit 2 ;; # Ctrl-C, or a test file that cannot be read
     5) empty=$((empty + 1)) ;;
-    *) failed=1 ;;
+    *) return 1 ;;
     esac
 }
+nodes() { part -m 'not slow and nodes' -o "cache_dir=$failures" "$@"; }
+# Print the tests that have failed at their last try.
+names() { sed -n 's/^ *"\(.*\)": true,*$/\1/p' "$failures/v/cache/lastfailed" 2>/dev/null | sort; }
 
-part -n "${TEST_JOBS:-2}" --dist loadfile -m 'not slow and not nodes' "$@"
-part -m 'not slow and nodes' "$@"
+part -n "${TEST_JOBS:-2}" --dist loadfile -m 'not slow and not nodes' "$@" || failed=1
+if ! nodes "$@"; then
+    first=$(names)
+    if [ -z "$first" ] || [ -z "$again" ]; then
+        failed=1
+    else
+        printf '\nonce more, the tests of nodes that failed:\n'
+        nodes --last-failed "$@" || failed=1
+        late=$(comm -23 <(echo "$first") <(names) | tr '\n' ' ')
+        [ -z "$late" ] || echo "passed only at the second try: $late"
+    fi
+fi
 [ "$empty" -lt 2 ] || exit 5
 exit "$failed"

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`.ci/run` and `make pythons` where something is missing or fails."""
+"""`.ci/run`, `scripts/test.sh` and `make pythons` where something is missing or fails."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ import os
 from pathlib import Path
 import shutil
 import subprocess
+import sys
 
 import pytest
 from repository import ROOT
@@ -87,6 +88,74 @@ def test_all_parts_run_and_one_that_fails_fails_all(tools: Path, goal: str) -> N
     done, log = run_ci(tools, failing=f'--no-print-directory {goal}')
     assert done.returncode == 1
     assert log == GOALS
+
+
+TRIED = """
+from pathlib import Path
+import pytest
+
+@pytest.mark.nodes
+@pytest.mark.parametrize('passes_at', [1, 2, 3])
+def test_it(passes_at):
+    tries = Path(f'tries-{passes_at}')
+    count = len(tries.read_text()) + 1 if tries.exists() else 1
+    tries.write_text('x' * count)
+    assert count >= passes_at
+
+@pytest.mark.nodes
+def test_it_too():
+    assert not Path('fails').exists()
+
+def test_without_nodes():
+    assert not Path('fails-without-nodes').exists()
+"""
+"""Tests of which one passes at its first try, one at the second and one at the third."""
+
+
+def run_tests(root: Path, *words: str) -> tuple[int, str]:
+    """Run `scripts/test.sh` on `TRIED` in a tree of its own."""
+    (root / 'scripts').mkdir()
+    (root / 'venv' / 'bin').mkdir(parents=True)
+    shutil.copy(ROOT / 'scripts' / 'test.sh', root / 'scripts')
+    script(root / 'venv' / 'bin', 'python', f'exec {sys.executable} "$@"')
+    (root / 'pytest.ini').write_text('[pytest]\nmarkers =\n    nodes\n    slow\n')
+    (root / 'test_tried.py').write_text(TRIED)
+    done = subprocess.run(
+        [root / 'scripts' / 'test.sh', *words],
+        env={**os.environ, 'VENV': 'venv', 'TEST_JOBS': '0'},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    return done.returncode, done.stdout
+
+
+def test_a_test_of_nodes_has_a_second_try_which_is_told(tmp_path: Path) -> None:
+    status, said = run_tests(tmp_path, '-k', 'not 3')
+    assert status == 0, said
+    last = said.splitlines()[-1]
+    assert last == 'passed only at the second try: test_tried.py::test_it[2] '
+    tries = {path.name: len(path.read_text()) for path in tmp_path.glob('tries-*')}
+    assert tries == {'tries-1': 1, 'tries-2': 2}
+
+
+def test_a_test_of_nodes_has_no_third_try(tmp_path: Path) -> None:
+    status, said = run_tests(tmp_path)
+    assert status == 1
+    assert said.splitlines()[-1] == 'passed only at the second try: test_tried.py::test_it[2] '
+    assert (tmp_path / 'tries-3').read_text() == 'xx'
+
+
+def test_only_tests_of_nodes_have_a_second_try(tmp_path: Path) -> None:
+    (tmp_path / 'fails-without-nodes').touch()
+    status, said = run_tests(tmp_path, '-k', 'not 3')
+    assert status == 1
+    assert 'passed only at the second try' in said
+
+
+def test_where_the_first_failure_ends_the_tests_there_is_no_second_try(tmp_path: Path) -> None:
+    status, said = run_tests(tmp_path, '-x')
+    assert status == 1
+    assert 'second try' not in said
+    assert not (tmp_path / 'tries-3').exists()
 
 
 @pytest.fixture
