@@ -32,7 +32,7 @@ from flexarm_ros import scenario
 from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.fork import parent as forked
-from flexarm_ros.launcher.shm_cleanup import Litter
+from flexarm_ros.launcher.shm_cleanup import SharedMemoryCleanup
 
 PLAIN = 'FLEXARM_BENCH_PLAIN'
 """In the environment of `bench.traced`: nothing is to be timed but the whole."""
@@ -82,15 +82,15 @@ def processes(
             **options.pop('env', {}),
         }
         started: dict[str, Any] = {}
-        litter = Litter()
+        shared_memory = SharedMemoryCleanup()
 
         def end() -> None:
             left = [process for process in started.values() if process.poll() is None]
-            litter.note(process.pid for process in left)
+            shared_memory.note(process.pid for process in left)
             for process in left:
                 process.kill()
                 process.wait()
-            litter.remove()
+            shared_memory.remove()
 
         try:
             if len(commands) > 1 and not apart:

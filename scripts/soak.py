@@ -197,18 +197,18 @@ def short_run(soak: Soak, folder: Path, name: str) -> None:
 
 def remember_memory(soak: Soak) -> None:
     """Note every file of shared memory that the launcher knows its nodes to hold."""
-    remove = litter.Litter.remove
+    remove = litter.SharedMemoryCleanup.remove
 
-    def remembering(self: litter.Litter) -> list[str]:
+    def remembering(self: litter.SharedMemoryCleanup) -> list[str]:
         soak.memory.update(self.names)
         return remove(self)
 
-    litter.Litter.remove = remembering  # type: ignore[method-assign]
+    litter.SharedMemoryCleanup.remove = remembering  # type: ignore[method-assign]
 
 
 def left_behind(soak: Soak) -> list[str]:
     """Return the files of shared memory of our nodes that are still there and held by nobody."""
-    again = litter.Litter()
+    again = litter.SharedMemoryCleanup()
     again.names = set(soak.memory)
     names = [name for name in again.names if (litter.FOLDER / name).exists()]
     return [name for name in names if not litter.in_use(litter.FOLDER / (name + '_el'))]

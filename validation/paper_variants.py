@@ -22,14 +22,14 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.scenario.suites import suite
-from flexarm_ros.scenario.suites.compare import Comparison
+from flexarm_ros.scenario.suites.compare import MetricComparison
 from flexarm_ros.scenario.suites.suite import Claim
 
 MORE_CLAIMS = (
     Claim(
         '(g) FLS significantly reduces tracking errors (taken as: by a quarter)',
         tuple(
-            Comparison(f'fls_{place}.{metric} < 0.75 * pd_{place}.{metric}')
+            MetricComparison(f'fls_{place}.{metric} < 0.75 * pd_{place}.{metric}')
             for place in ('collocated', 'tip', 'mid')
             for metric in ('rms_error', 'max_error')
         ),
@@ -38,7 +38,7 @@ MORE_CLAIMS = (
         '(h) With FLS the sensor at the tip is as accurate as the collocated one '
         '(taken as: below 0.02 m)',
         tuple(
-            Comparison(f'abs(fls_{place}.{metric} - fls_collocated.{metric}) < 0.02')
+            MetricComparison(f'abs(fls_{place}.{metric} - fls_collocated.{metric}) < 0.02')
             for place in ('tip', 'tip_corrected', 'mid', 'mid_corrected')
             for metric in ('rms_error', 'max_error')
         ),
@@ -158,7 +158,7 @@ def at_the_tip(claim: Claim) -> Claim:
         text = check.text
         for metric in ('overshoot', 'rms_error', 'max_error'):
             text = text.replace(f'.{metric}', f'.tip_{metric}')
-        texts.append(Comparison(text))
+        texts.append(MetricComparison(text))
     return replace(claim, checks=tuple(texts))
 
 

@@ -129,13 +129,13 @@ def report(runs: RunData | Sequence[RunData], path: str | os.PathLike[str]) -> P
     return target
 
 
-def _as_read(runs: RunData | Sequence[RunData]) -> list[read.Run]:
+def _as_read(runs: RunData | Sequence[RunData]) -> list[read.ReportedRun]:
     """Convert the runs to those of the report."""
     some = list(runs) if isinstance(runs, Sequence) else [runs]
     if not some:
         raise ValueError('runs: none given')
     return [
-        read.Run(
+        read.ReportedRun(
             run.directory or Path(run.name),
             {name: read.without_extremes(run.trajectory[name]) for name in COLUMNS},
             run.summary,

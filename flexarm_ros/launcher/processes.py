@@ -32,7 +32,7 @@ from types import MappingProxyType
 from flexarm_ros.launcher.fork.parent import Adopted, can_fork, NotForked
 from flexarm_ros.launcher.fork.parent import start as start_forked
 from flexarm_ros.launcher.reports import RunWatch
-from flexarm_ros.launcher.shm_cleanup import Litter
+from flexarm_ros.launcher.shm_cleanup import SharedMemoryCleanup
 
 END_GRACE_S = 3.0
 """Wall time for the nodes to leave by themselves once a run is broken off."""
@@ -62,7 +62,7 @@ class NodeProcesses(RunWatch):
         compile_here: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__(logs, foreign)
-        self._litter = Litter()
+        self._shared_memory = SharedMemoryCleanup()
         self._noted_at = 0.0
         environment = {**env, **self.environment}
         self.running: dict[str, Process] = {}
@@ -131,7 +131,7 @@ class NodeProcesses(RunWatch):
 
     def _note_memory(self) -> None:
         """Record the shared memory of running nodes; it is all created at their start."""
-        self._litter.note(process.pid for process in self.running.values())
+        self._shared_memory.note(process.pid for process in self.running.values())
         self._noted_at = time.monotonic() if self.report.started_at is None else math.inf
 
     def release(self) -> None:
@@ -181,7 +181,7 @@ class NodeProcesses(RunWatch):
         for name, process in list(self.running.items()):
             self.exits[name] = process.wait()
         self.running.clear()
-        self._litter.remove()
+        self._shared_memory.remove()
 
 
 def _is_stopped(pid: int) -> bool:

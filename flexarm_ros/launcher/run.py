@@ -73,7 +73,7 @@ class RunOptions:
 
 
 @dataclass
-class Outcome:
+class RunOutcome:
     """The end of a run: ``problem`` is one line, empty on success."""
 
     directory: Path
@@ -102,7 +102,7 @@ def run_scenario(
     faults: FaultPlan | None = None,
     verdict: Callable[[str], None] = lambda _: None,
     work: Work = lambda *_: None,
-) -> Outcome:
+) -> RunOutcome:
     """
     Run ``config`` as ROS 2 nodes and return the outcome.
 
@@ -159,13 +159,13 @@ def finish(
     interrupted: bool,
     external: Sequence[str] = (),
     work: Work = lambda *_: None,
-) -> Outcome:
+) -> RunOutcome:
     """
     Write what is left to write when all nodes have ended; return how the run went.
 
     Raises BagError where that cannot be done and nothing else is wrong.
     """
-    outcome = Outcome(directory, problem=nodes.blame(interrupted), interrupted=interrupted)
+    outcome = RunOutcome(directory, problem=nodes.blame(interrupted), interrupted=interrupted)
     report = nodes.report
     started, ended = report.started_at, report.ended_at
     wall_s = ended - started if started is not None and ended is not None else None

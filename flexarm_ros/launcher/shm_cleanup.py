@@ -39,7 +39,7 @@ _LOCK = '_el'
 _TRIES, _PAUSE_S = 5, 0.02
 
 
-class Litter:
+class SharedMemoryCleanup:
     """The shared memory of one run's nodes."""
 
     def __init__(self) -> None:

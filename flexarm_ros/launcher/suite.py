@@ -34,7 +34,7 @@ from flexarm_ros.launcher.domains import NoDomainError
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.run import run_scenario, RunOptions
 from flexarm_ros.launcher.subprocess_simulation import simulate_apart
-from flexarm_ros.scenario.suites.expect import Outcome
+from flexarm_ros.scenario.suites.expect import CheckResult
 from flexarm_ros.scenario.suites.suite import Case, Suite
 
 CORES_PER_RUN = 2
@@ -53,7 +53,7 @@ class CaseResult:
     case: Case
     directory: Path
     metrics: dict[str, Any] = field(default_factory=dict)
-    outcomes: list[Outcome] = field(default_factory=list)
+    outcomes: list[CheckResult] = field(default_factory=list)
     wall_s: float = 0.0
 
     @property
@@ -73,8 +73,8 @@ class SuiteResult:
 
     suite: Suite
     cases: list[CaseResult]
-    comparisons: list[Outcome] = field(default_factory=list)
-    claims: list[tuple[str, str, bool, list[Outcome]]] = field(default_factory=list)
+    comparisons: list[CheckResult] = field(default_factory=list)
+    claims: list[tuple[str, str, bool, list[CheckResult]]] = field(default_factory=list)
     """Text, verdict, whether it fails the suite, and the outcome of each check."""
 
     @property
@@ -162,7 +162,7 @@ def judge(suite: Suite, cases: list[CaseResult]) -> SuiteResult:
     for claim in suite.claims:
         if suite.paper and roles:
             not_judged = f'not judged, external nodes: {", ".join(sorted(roles))}'
-            claims.append((claim.text, not_judged, False, list[Outcome]()))
+            claims.append((claim.text, not_judged, False, list[CheckResult]()))
             continue
         verdict, outcomes = claim.judge(runs)
         claims.append((claim.text, verdict, claim.fails(verdict), outcomes))

@@ -42,7 +42,7 @@ class AnsweringNode(Participant):
         self._ahead = [entry for entry in self._reads if entry.topic.ahead]
         self._configure(self.config)
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Compile before the run."""
         zeros = [(0.0,) * len(entry.topic.codec.fields) for entry in self._reads]
         copy.deepcopy(self._part).answer(0, *self._views(zeros))

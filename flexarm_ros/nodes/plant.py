@@ -77,7 +77,7 @@ class PlantNode(Participant):
         self._sent = False
         self._reported_hold = False
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Compile before the run."""
         copy.deepcopy(self.plant).step(0.0, 0.0)
 
@@ -183,7 +183,7 @@ class PlantNode(Participant):
         extra = self.epochs.extra(pace_s=repr(self.control.pace_s()))
         self.change_phase(phase, extra=extra)
 
-    def look_around(self, now: float) -> None:
+    def poll_peers(self, now: float) -> None:
         """Do what the services have asked for since the last look."""
         if not self.finished and self.under_way:
             if self.control.reset_wanted:
@@ -191,16 +191,16 @@ class PlantNode(Participant):
                 self.control.reset_wanted = False
             elif self.control.paused != (self.board.mine.phase is Phase.PAUSED):
                 self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
-        super().look_around(now)
+        super().poll_peers(now)
 
-    def nap(self, now: float) -> float:
+    def max_sleep_s(self, now: float) -> float:
         """Sleep no longer than to the next tick's wall time."""
         if self._holds and self.tick >= self._holds[0]:
             return 0.002
-        longest = super().nap(now)
+        longest = super().max_sleep_s(now)
         if self._sent or not self.under_way:
             return longest
-        return self.control.nap_s(self.tick, now, longest)
+        return self.control.max_sleep_s(self.tick, now, longest)
 
     def blocked_on(self) -> list[Any]:
         """Wait for the torque, or where it is ahead of the recorder for its progress."""

@@ -39,7 +39,7 @@ from flexarm_ros.nodes.runtime.process.environment import (
     EnvironmentRefused,
 )
 from flexarm_ros.nodes.runtime.process.middleware import start
-from flexarm_ros.nodes.runtime.process.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.process.shutdown_watchdog import shutdown_limit
 from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
 from flexarm_ros.nodes.runtime.topics.channels import connect
 from flexarm_ros.scenario import ScenarioError
@@ -95,7 +95,7 @@ def run_process(name: str, argv: list[str]) -> int:
         supervisor.report(name, phase='failed', blame=name, text=describe(error))
         return 1
     finally:
-        with leaving(status):
+        with shutdown_limit(status):
             gc.collect()  # a node that was half made: destroyed at exit it ends in SIGSEGV
             rclpy.try_shutdown()
 
@@ -124,7 +124,7 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     finally:
         status = signals.status or int(any(n.failure or n.failed_run for n in nodes))
         done = all(node.finished for node in nodes)
-        with leaving(status if done else 1):
+        with shutdown_limit(status if done else 1):
             executor.shutdown(timeout_sec=1.0)
             services.join(timeout=1.0)
             for node in nodes:

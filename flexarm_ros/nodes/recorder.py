@@ -193,9 +193,9 @@ class RecorderNode(Participant):
         )
         self.get_logger().info(f'recorded {self.tick} ticks in {self._recording.directory}')
 
-    def nap(self, now: float) -> float:
+    def max_sleep_s(self, now: float) -> float:
         """Sleep between batches."""
-        return max(0.0, self._due - now) if self.under_way else super().nap(now)
+        return max(0.0, self._due - now) if self.under_way else super().max_sleep_s(now)
 
     def blocked_on(self) -> list[Any]:
         """Sleep: messages are taken in batches."""

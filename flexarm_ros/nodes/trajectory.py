@@ -69,7 +69,7 @@ class TrajectoryNode(Participant):
         self._reference = Reference(self.config)
         self._output = self.outputs['reference']
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Compile before the run."""
         self._reference.command(0)
 

@@ -31,8 +31,7 @@ keeps the position of its first appearance in all the files.  In addition:
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
-from collections.abc import Mapping as Map
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 import re
@@ -45,7 +44,7 @@ from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggest
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.plugins import find_laws
 from flexarm_ros.scenario.reader import build, is_of_ros, MAX_BYTES, PathLike, WHOLE_RUN
-from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, show, Tree
+from flexarm_ros.scenario.yaml.rclyaml import MappingTree, parse, Scalar, show, Tree
 
 PARAMETERS = 'ros__parameters'
 UNSET = 'null'
@@ -61,7 +60,7 @@ class NodeName:
     """Fully qualified, after remapping."""
     own: Collection[str] = ()
     """Keys that do not belong to a scenario."""
-    others: Map[str, Collection[str]] = field(default_factory=dict)
+    others: Mapping[str, Collection[str]] = field(default_factory=dict)
     """Such keys of the package's other nodes, by role."""
     flies: bool = True
     """Whether the node reads a scenario; if not, it reads its own keys only."""
@@ -133,7 +132,7 @@ def read_sections(files: Iterable[PathLike]) -> dict[str, Section]:
         place = f'{clip(str(file), PATH_WIDTH)}: '
         try:
             tree = parse(read_text(file, MAX_BYTES))
-            for name, body in _sections('', Mapping({}) if tree is None else tree):
+            for name, body in _sections('', MappingTree({}) if tree is None else tree):
                 keys = sections.setdefault(name, {})
                 for key, value in _flat('', body):
                     where = f'{place}{clip(name)}.{clip(key)}'
@@ -143,22 +142,22 @@ def read_sections(files: Iterable[PathLike]) -> dict[str, Section]:
     return sections
 
 
-def _sections(prefix: str, tree: Tree) -> Iterator[tuple[str, Mapping]]:
+def _sections(prefix: str, tree: Tree) -> Iterator[tuple[str, MappingTree]]:
     """Yield ``(name, keys)`` of each section; nested maps are namespaces."""
-    if not isinstance(tree, Mapping):
+    if not isinstance(tree, MappingTree):
         raise ScenarioError(f'{clip(prefix or show(tree))}: must be a map with {PARAMETERS}')
     for name, body in tree.entries.items():
         if name != PARAMETERS:
             yield from _sections(f'{prefix.rstrip("/")}/{name}' if prefix else name, body)
-        elif isinstance(body, Mapping) and prefix:
+        elif isinstance(body, MappingTree) and prefix:
             yield prefix, body
         else:
             raise ScenarioError(f'{clip(prefix)}: {PARAMETERS} must be a map of keys in a section')
 
 
-def _flat(prefix: str, tree: Mapping) -> Iterator[tuple[str, Tree]]:
+def _flat(prefix: str, tree: MappingTree) -> Iterator[tuple[str, Tree]]:
     for name, value in tree.entries.items():
-        if isinstance(value, Mapping):
+        if isinstance(value, MappingTree):
             yield from _flat(f'{prefix}{name}.', value)
         else:
             yield prefix + name, value

@@ -16,8 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from collections.abc import Mapping as Map
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 import os
 from pathlib import Path
@@ -41,7 +40,7 @@ from flexarm_ros.scenario.locate import find
 from flexarm_ros.scenario.plugins import find_laws
 from flexarm_ros.scenario.torque_file import check_order, HEADER, read_torques, Torques
 from flexarm_ros.scenario.yaml.convert import convert
-from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, show, Tree, tree_of
+from flexarm_ros.scenario.yaml.rclyaml import MappingTree, parse, Scalar, show, Tree, tree_of
 
 PathLike = str | os.PathLike[str]
 Values = dict[tuple[str, str], Tree]
@@ -96,7 +95,7 @@ def from_text(
 
 
 def from_dict(
-    data: Map[str, Any],
+    data: Mapping[str, Any],
     torques: Iterable[Iterable[float]] = (),
     torque_base: Path | None = None,
     user: bool = False,
@@ -112,7 +111,7 @@ def from_dict(
     values: Values = {}
     for section, body in data.items():
         name = WHOLE_RUN if section == 'run' else str(section)
-        if not isinstance(body, Map):
+        if not isinstance(body, Mapping):
             raise ScenarioError(f'{clip(name)}: {clip(repr(body))} is not a map of keys')
         given = _without_none(body.get('ros__parameters', body))
         _take_section(values, name, tree_of(given), '', user)
@@ -122,7 +121,7 @@ def from_dict(
 
 
 def with_values(
-    config: RunConfig, overrides: Iterable[str] = (), data: Map[str, Any] | None = None
+    config: RunConfig, overrides: Iterable[str] = (), data: Mapping[str, Any] | None = None
 ) -> RunConfig:
     """
     Return ``config`` with some keys set anew.
@@ -137,7 +136,7 @@ def with_values(
     given: Values = {}
     for section, body in (data or {}).items():
         name = WHOLE_RUN if section == 'run' else str(section)
-        if not isinstance(body, Map):
+        if not isinstance(body, Mapping):
             raise ScenarioError(f'{clip(name)}: {clip(repr(body))} is not a map of keys')
         for key in [key for key, value in body.items() if value is None]:
             values.pop(find_key(full_name(name, str(key))), None)
@@ -181,7 +180,7 @@ def check_torques(rows: Iterable[Iterable[float]]) -> Torques:
 
 
 def _without_none(data: Any) -> Any:
-    if isinstance(data, Map):
+    if isinstance(data, Mapping):
         return {key: _without_none(value) for key, value in data.items() if value is not None}
     return data
 
@@ -271,7 +270,7 @@ def _read(text: str, name: str, user: bool = False) -> Values:
         tree = parse(text)
         if tree is None:
             raise ScenarioError('the file is empty; a scenario has sections like /** and plant')
-        if not isinstance(tree, Mapping):
+        if not isinstance(tree, MappingTree):
             raise ScenarioError(f'{show(tree)} is not a map of sections like /** and plant')
         values: Values = {}
         for section, body in tree.entries.items():
@@ -288,7 +287,7 @@ def _read_section(values: Values, section: str, body: Tree, user: bool) -> None:
             f'{clip(section)}: unknown section{suggestion(name, SECTIONS)} '
             f'(allowed: {", ".join(SECTIONS)})'
         )
-    if not isinstance(body, Mapping) or set(body.entries) != {'ros__parameters'}:
+    if not isinstance(body, MappingTree) or set(body.entries) != {'ros__parameters'}:
         raise ScenarioError(f'{clip(section)}: must hold one map, ros__parameters')
     _take_section(values, name, body.entries['ros__parameters'], '', user)
 
@@ -302,7 +301,7 @@ def _take_section(
             f'{clip(section)}: unknown section{suggestion(section, SECTIONS)} '
             f'(allowed: {", ".join(SECTIONS)})'
         )
-    if not isinstance(tree, Mapping):
+    if not isinstance(tree, MappingTree):
         raise ScenarioError(f'{section}: ros__parameters must be a map of keys, not {show(tree)}')
     if section == 'controller' and not prefix:
         law = tree.entries.get('law')
@@ -314,7 +313,7 @@ def _take_section(
             if (section, key) in values and key not in PACE:
                 raise ScenarioError(f'{full_name(section, key)}: given twice')
             values[_place(section, key)] = value
-        elif isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
+        elif isinstance(value, MappingTree) and any(k.startswith(key + '.') for k in known):
             _take_section(values, section, value, key + '.', user)
         elif is_of_ros(key):
             _check_of_ros(full_name(section, key), value)

@@ -34,7 +34,7 @@ from flexarm_ros.scenario.reader import (
     Values,
     WHOLE_RUN,
 )
-from flexarm_ros.scenario.yaml.rclyaml import Mapping, parse, Scalar, Tree
+from flexarm_ros.scenario.yaml.rclyaml import MappingTree, parse, Scalar, Tree
 
 RECORDER = 'recorder'
 """The section that no message depends on."""
@@ -87,13 +87,13 @@ _LAW = ('controller', 'law')
 def _known_values(tree: Tree | None) -> tuple[Values, dict[str, list[str]]]:
     values: Values = {}
     unknown: dict[str, list[str]] = {}
-    for section, body in tree.entries.items() if isinstance(tree, Mapping) else ():
+    for section, body in tree.entries.items() if isinstance(tree, MappingTree) else ():
         name = section if section == WHOLE_RUN else section.removeprefix('/')
         if name not in SECTIONS:
             unknown[name] = ['unknown section']
             continue
-        held = body.entries.get('ros__parameters') if isinstance(body, Mapping) else None
-        if not isinstance(held, Mapping):
+        held = body.entries.get('ros__parameters') if isinstance(body, MappingTree) else None
+        if not isinstance(held, MappingTree):
             continue
         for key, value in _flat(name, held, ''):
             if key not in keys(name):
@@ -108,12 +108,12 @@ def _known_values(tree: Tree | None) -> tuple[Values, dict[str, list[str]]]:
     return values, unknown
 
 
-def _flat(section: str, tree: Mapping, prefix: str) -> Iterator[tuple[str, Tree]]:
+def _flat(section: str, tree: MappingTree, prefix: str) -> Iterator[tuple[str, Tree]]:
     """Yield dotted keys: those that are known, and of an unknown map its name alone."""
     known = keys(section)
     for part, value in tree.entries.items():
         key = prefix + part
-        if isinstance(value, Mapping) and any(k.startswith(key + '.') for k in known):
+        if isinstance(value, MappingTree) and any(k.startswith(key + '.') for k in known):
             yield from _flat(section, value, key + '.')
         elif key in known or not is_of_ros(key):
             yield key, value

@@ -167,7 +167,7 @@ def test_breaches_are_seen(module: str, source: str, complaint: str) -> None:
         ('core.sensors', 'import numpy as np\nnp.random.Generator(np.random.Philox(1))'),
         (
             'nodes.plant',
-            'from flexarm_ros.nodes.runtime.joining.status import Board\nimport rclpy',
+            'from flexarm_ros.nodes.runtime.joining.status import StatusBoard\nimport rclpy',
         ),
         ('cli.run', 'from flexarm_ros.core import plant\nimport time'),
     ],

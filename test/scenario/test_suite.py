@@ -22,7 +22,7 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.scenario.suites import suite
-from flexarm_ros.scenario.suites.compare import Comparison
+from flexarm_ros.scenario.suites.compare import MetricComparison
 from flexarm_ros.scenario.suites.expect import read_expectations
 from flexarm_ros.scenario.yaml.rclyaml import parse
 import pytest
@@ -111,7 +111,7 @@ def test_a_number_that_is_not_known_neither_holds_nor_fails(metrics: dict[str, A
     assert outcomes('{max_error: {lt: 1}}', metrics) == [None]
     assert outcomes("{'overshoot[3]': {lt: 1}}", {'overshoot': [0.0]}) == [None]
     assert outcomes('{overshoot: {lt: 1}}', {'overshoot': [0.0, None]}) == [None]
-    compared = Comparison.parse('a.max_error < 1', ['a'], 'compare')
+    compared = MetricComparison.parse('a.max_error < 1', ['a'], 'compare')
     assert compared.check({'a': metrics}).holds is None
 
 
@@ -150,7 +150,7 @@ RUNS = {
     ],
 )
 def test_comparisons_between_cases(text: str, holds: bool | None) -> None:
-    outcome = Comparison.parse(text, RUNS, 'compare').check(RUNS)
+    outcome = MetricComparison.parse(text, RUNS, 'compare').check(RUNS)
     assert outcome.holds is holds
     assert text in outcome.text
 
@@ -180,10 +180,10 @@ def test_comparisons_between_cases(text: str, holds: bool | None) -> None:
 )
 def test_a_comparison_can_do_nothing_but_compare(text: str, words: str | None) -> None:
     if words is None:
-        assert Comparison.parse(text, RUNS, 'compare').check(RUNS).holds is False
+        assert MetricComparison.parse(text, RUNS, 'compare').check(RUNS).holds is False
         return
     with pytest.raises(ScenarioError) as caught:
-        Comparison.parse(text, RUNS, 'compare')
+        MetricComparison.parse(text, RUNS, 'compare')
     assert words in str(caught.value)
     assert '\n' not in str(caught.value)
 

@@ -29,8 +29,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.launcher import processes, run
-from flexarm_ros.launcher import shm_cleanup as litter
+from flexarm_ros.launcher import processes, run, shm_cleanup
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.nodes.plant import RECORDER_WINDOW
 from flexarm_ros.nodes.trajectory import AHEAD
@@ -95,12 +94,12 @@ def faulty_run(
     exits: dict[str, int] = {}
     moved = [0.0, -1.0]
     remove, close, command = (
-        litter.Litter.remove,
+        shm_cleanup.SharedMemoryCleanup.remove,
         processes.NodeProcesses.__exit__,
         run.node_command,
     )
 
-    def remembering(self: litter.Litter) -> list[str]:
+    def remembering(self: shm_cleanup.SharedMemoryCleanup) -> list[str]:
         memory.update(self.names)
         return remove(self)
 
@@ -118,7 +117,7 @@ def faulty_run(
         if done != moved[1]:
             moved[:] = [time.monotonic(), done]
 
-    patch.setattr(litter.Litter, 'remove', remembering)
+    patch.setattr(shm_cleanup.SharedMemoryCleanup, 'remove', remembering)
     patch.setattr(processes.NodeProcesses, '__exit__', closing)
     patch.setattr(run, 'node_command', commanding)
     timeline = Timeline.of(config.run)
@@ -203,8 +202,8 @@ def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
     if get_rmw_implementation_identifier().startswith('rmw_fastrtps'):
         assert done.memory, 'no shared memory was noted'
     # Ports are numbered for the whole machine: somebody else's run may have taken one over.
-    left = [name for name in done.memory if (litter.FOLDER / name).exists()]
-    left = [name for name in left if not litter.in_use(litter.FOLDER / f'{name}_el')]
+    left = [name for name in done.memory if (shm_cleanup.FOLDER / name).exists()]
+    left = [name for name in left if not shm_cleanup.in_use(shm_cleanup.FOLDER / f'{name}_el')]
     assert not left, left
 
 

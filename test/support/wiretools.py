@@ -37,7 +37,7 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.runtime.joining import status
 from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections
-from flexarm_ros.nodes.runtime.joining.status import Board, Phase
+from flexarm_ros.nodes.runtime.joining.status import Phase, StatusBoard
 from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
 from flexarm_ros.nodes.runtime.topics.endpoints import NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile, reads
@@ -79,7 +79,7 @@ class Peers(Wire):
         self.role, self.config = role, config
         self.topics = per_tick_topics(config)
         self.timeline = Timeline.of(config.run)
-        self.boards = {r: Board(self.node, r) for r in ROLES if r != role}
+        self.boards = {r: StatusBoard(self.node, r) for r in ROLES if r != role}
         for name, board in self.boards.items():
             board.publish(parameters=dump_sections(config, name))
         self.inputs = [t for t in self.topics if reads(role, t)]

@@ -31,7 +31,7 @@ from flexarm_ros.analysis.figures.style import (
     styled,
     wrap,
 )
-from flexarm_ros.analysis.report.runs import Run
+from flexarm_ros.analysis.report.runs import ReportedRun
 import numpy as np
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
     axis.indicate_inset_zoom(inset, edgecolor=GREY)
 
 
-def _peak(run: Run, time: float) -> tuple[float, float, float] | None:
+def _peak(run: ReportedRun, time: float) -> tuple[float, float, float] | None:
     """Return x, y and distance of the furthest point past a corner in the second after it."""
     rows = between(run, time, time + 1.0)
     corner = rows.start
@@ -165,7 +165,7 @@ def _peak(run: Run, time: float) -> tuple[float, float, float] | None:
     return float(x), float(y), float(past[best]) / length
 
 
-def _overshoot(run: Run, index: int) -> float | None:
+def _overshoot(run: ReportedRun, index: int) -> float | None:
     values = run.summary.get('overshoot')
     if not isinstance(values, list) or index >= len(values):
         return None

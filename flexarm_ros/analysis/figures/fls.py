@@ -29,7 +29,7 @@ from flexarm_ros.analysis.figures.style import (
     styles,
     wrap,
 )
-from flexarm_ros.analysis.report.runs import labels, number, Run
+from flexarm_ros.analysis.report.runs import labels, number, ReportedRun
 from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.control.fls_definition import INPUT_SETS, OUTPUT_SETS
 from flexarm_ros.core.numerics.compiled import FloatArray
@@ -50,7 +50,7 @@ def lambda_grid(inputs: Collection[float]) -> FloatArray:
     return np.array([[fls_lambda(float(a), float(b)) for a in inputs] for b in inputs])
 
 
-def gain_kn(runs: Sequence[Run]) -> float:
+def gain_kn(runs: Sequence[ReportedRun]) -> float:
     """Return K_n, m, of the first fuzzy run."""
     for run in runs:
         value = number(run.value('controller', 'kn'))
@@ -59,7 +59,7 @@ def gain_kn(runs: Sequence[Run]) -> float:
     return DEFAULT_KN
 
 
-def fls_figure(runs: Sequence[Run]) -> Figure:
+def fls_figure(runs: Sequence[ReportedRun]) -> Figure:
     """Return the paper's Figures 2 and 3, lambda's surface, and the part used by fuzzy runs."""
     kn = gain_kn(runs)
     figure = new_figure(9.6, 7.6)
@@ -126,7 +126,7 @@ def _draw_surface(figure: Figure, kn: float) -> None:
     axis.set_box_aspect((1.0, 1.0, 0.7), zoom=1.0)
 
 
-def _draw_map(axis: Axes, runs: Sequence[Run], kn: float) -> None:
+def _draw_map(axis: Axes, runs: Sequence[ReportedRun], kn: float) -> None:
     """Draw contours of lambda over the part of the universe that the runs use."""
     reach = 0.02 * kn
     for run in runs:

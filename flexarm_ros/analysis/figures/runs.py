@@ -39,7 +39,7 @@ from flexarm_ros.analysis.figures.style import (
     save,
     styled,
 )
-from flexarm_ros.analysis.report.runs import load_runs, Run
+from flexarm_ros.analysis.report.runs import load_runs, ReportedRun
 from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_figures(run_dirs: Sequence[Path | Run], out: Path) -> list[Path]:
+def write_figures(run_dirs: Sequence[Path | ReportedRun], out: Path) -> list[Path]:
     """
     Draw one run, or several overlaid, into ``out`` and return the files.
 
@@ -81,8 +81,8 @@ def write_figures(run_dirs: Sequence[Path | Run], out: Path) -> list[Path]:
 
 def signal_figure(group: Panel) -> Figure:
     """Return error, deflections, torques and lambda over time, the runs of a group overlaid."""
-    rows: list[tuple[str, Callable[[Run], FloatArray]]] = [
-        ('tracking error, m', Run.error),
+    rows: list[tuple[str, Callable[[ReportedRun], FloatArray]]] = [
+        ('tracking error, m', ReportedRun.error),
         (r'deflection $\delta_1$, m', lambda run: run.columns['delta1']),
         (r'deflection $\delta_2$, m', lambda run: run.columns['delta2']),
         (r'torque $\tau_1$, N m', lambda run: run.columns['tau1']),

@@ -38,7 +38,7 @@ from flexarm_ros.analysis.report.runs import (
     labels,
     law_name,
     NONCOLLOCATED,
-    Run,
+    ReportedRun,
 )
 from flexarm_ros.bag.mcap.files import naming
 from flexarm_ros.core.numerics.compiled import FloatArray
@@ -106,7 +106,7 @@ class Panel:
 
     law: str
     location: float | None
-    runs: tuple[Run, ...]
+    runs: tuple[ReportedRun, ...]
 
     @property
     def title(self) -> str:
@@ -122,7 +122,7 @@ class Panel:
         return law + place.replace('.', 'p')
 
 
-def panels(runs: Sequence[Run]) -> list[Panel]:
+def panels(runs: Sequence[ReportedRun]) -> list[Panel]:
     """
     Return the runs grouped as in the paper's Figures 5 and 7.
 
@@ -141,7 +141,7 @@ def panels(runs: Sequence[Run]) -> list[Panel]:
     return result
 
 
-def styles(runs: Sequence[Run]) -> list[Style]:
+def styles(runs: Sequence[ReportedRun]) -> list[Style]:
     """Return a style for each run; the paper's cases have fixed ones."""
     if len(runs) == 1:
         return [Style(ROLE_STYLES.get(runs[0].role, SPARE_STYLES[0]).color)]
@@ -213,7 +213,7 @@ def save(figure: Figure, out: Path, stem: str) -> list[Path]:
     return paths
 
 
-def styled(group: Panel) -> list[tuple[Run, Style, str]]:
+def styled(group: Panel) -> list[tuple[ReportedRun, Style, str]]:
     """Return each run of a group with its style and its label."""
     names = labels(group.runs, short=True)
     return list(zip(group.runs, styles(group.runs), names, strict=True))
@@ -230,7 +230,7 @@ def panel_title(group: Panel) -> str:
     return title
 
 
-def between(run: Run, start: float, end: float) -> slice:
+def between(run: ReportedRun, start: float, end: float) -> slice:
     """Return the rows of a time span."""
     first, last = np.searchsorted(run.columns['t'], (start, end))
     return slice(int(first), int(last))

@@ -26,10 +26,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.report.runs import Run
+from flexarm_ros.analysis.report.runs import ReportedRun
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario.suites import suite
-from flexarm_ros.scenario.suites.expect import Outcome
+from flexarm_ros.scenario.suites.expect import CheckResult
 
 _WALL_CLOCK = ('start_timeout', 'tick_timeout', 'on_invalid', 'record', 'clock_rate')
 """Keys of section ``/**`` that the numbers do not depend on."""
@@ -41,7 +41,7 @@ class Claim:
 
     text: str
     verdict: str
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[CheckResult, ...]
     checks: int
 
 
@@ -54,7 +54,7 @@ class Claims:
     remarks: tuple[str, ...]
 
 
-def evaluate(runs: Sequence[Run]) -> Claims:
+def evaluate(runs: Sequence[ReportedRun]) -> Claims:
     """Return the verdicts on the paper's claims for the given runs."""
     try:
         paper = suite.load('paper')
@@ -78,7 +78,7 @@ def evaluate(runs: Sequence[Run]) -> Claims:
     return Claims(tuple(tested), tuple(untested), remarks)
 
 
-def _verdict(outcomes: Sequence[Outcome]) -> str:
+def _verdict(outcomes: Sequence[CheckResult]) -> str:
     """Return the suite's verdict; all outcomes are decided."""
     held = [outcome.holds for outcome in outcomes]
     holds, in_part, fails = suite.VERDICTS
@@ -86,10 +86,10 @@ def _verdict(outcomes: Sequence[Outcome]) -> str:
 
 
 def _cases(
-    runs: Sequence[Run], shipped: Mapping[RunConfig, str]
-) -> tuple[dict[str, Run], tuple[str, ...]]:
+    runs: Sequence[ReportedRun], shipped: Mapping[RunConfig, str]
+) -> tuple[dict[str, ReportedRun], tuple[str, ...]]:
     """Return case name -> run (the first of equal ones), and remarks on excluded runs."""
-    cases: dict[str, Run] = {}
+    cases: dict[str, ReportedRun] = {}
     remarks = []
     for run in runs:
         name = _case(run, shipped)
@@ -104,7 +104,7 @@ def _cases(
     return cases, tuple(f'Left out: {text}' for text in remarks)
 
 
-def _case(run: Run, shipped: Mapping[RunConfig, str]) -> str | None:
+def _case(run: ReportedRun, shipped: Mapping[RunConfig, str]) -> str | None:
     """Return the name of the shipped case whose scenario the run has unchanged, if any."""
     if run.summary.get('changes'):
         return None

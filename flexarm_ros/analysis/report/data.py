@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from flexarm_ros.analysis.figures.style import SPARE_STYLES, styles
-from flexarm_ros.analysis.report.runs import labels, law_name, Run
+from flexarm_ros.analysis.report.runs import labels, law_name, ReportedRun
 from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ DASHES = {'-': '', '--': '7 4', '-.': '9 3 2 3', ':': '2 3'}
 """Matplotlib line style -> SVG dash array."""
 
 
-def page_data(runs: Sequence[Run]) -> dict[str, Any]:
+def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
     """
     Return the data of a page as JSON-compatible objects.
 
@@ -110,7 +110,7 @@ def pack(values: FloatArray) -> tuple[float, float, str]:
     return low, span, base64.b64encode(octets.tobytes()).decode('ascii')
 
 
-def select_rows(run: Run, budget: int) -> NDArray[np.int64]:
+def select_rows(run: ReportedRun, budget: int) -> NDArray[np.int64]:
     """
     Return the rows that a page shows, in order, at most ``budget`` of them.
 

@@ -38,7 +38,7 @@ from typing import Any
 from flexarm_ros.analysis.report import tables
 from flexarm_ros.analysis.report.claims import evaluate
 from flexarm_ros.analysis.report.data import page_data
-from flexarm_ros.analysis.report.runs import load_runs, Run
+from flexarm_ros.analysis.report.runs import load_runs, ReportedRun
 from flexarm_ros.bag.mcap.files import naming
 import numpy as np
 
@@ -46,7 +46,7 @@ SCRIPTS = ('report_base.js', 'report_chart.js', 'report_arm.js', 'report_fls.js'
 PAGE = 'report.html'
 
 
-def write_report(runs: Sequence[Path | Run], out: Path) -> Path:
+def write_report(runs: Sequence[Path | ReportedRun], out: Path) -> Path:
     """
     Write the page of the given runs into ``out`` and return its path.
 
@@ -63,7 +63,7 @@ def write_report(runs: Sequence[Path | Run], out: Path) -> Path:
     return path
 
 
-def render(runs: Sequence[Run]) -> str:
+def render(runs: Sequence[ReportedRun]) -> str:
     """Return the page of some runs as text."""
     style = _asset('report.css')
     script = f'"use strict";\n(() => {{\n{"".join(map(_asset, SCRIPTS))}}})();\n'
@@ -117,7 +117,7 @@ def _sampling(data: dict[str, Any]) -> str:
     )
 
 
-def _fls_data(runs: Sequence[Run]) -> dict[str, Any]:
+def _fls_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
     """Return the fuzzy logic system's sets, and lambda over the universe and near zero."""
     from flexarm_ros.analysis.figures.fls import gain_kn, lambda_grid
     from flexarm_ros.core.control.fls_definition import INPUT_SETS, OUTPUT_SETS

@@ -47,7 +47,7 @@ class RunError(Exception):
 
 
 @dataclass(frozen=True)
-class Run:
+class ReportedRun:
     """
     One run read from its directory.
 
@@ -160,7 +160,9 @@ def number(value: Any) -> float | None:
     return result if np.isfinite(result) else None
 
 
-def load_run(path: Path, given: RunConfig | None = None, namespace: str | None = None) -> Run:
+def load_run(
+    path: Path, given: RunConfig | None = None, namespace: str | None = None
+) -> ReportedRun:
     """
     Return the run in ``path``: its output directory, or the bag or a file in it.
 
@@ -175,7 +177,7 @@ def load_run(path: Path, given: RunConfig | None = None, namespace: str | None =
     else:
         columns, summary, directory = _from_bag(Path(path), given, namespace)
     columns = {name: without_extremes(values) for name, values in columns.items()}
-    return Run(directory, columns, summary, _sections(summary.get('scenario')))
+    return ReportedRun(directory, columns, summary, _sections(summary.get('scenario')))
 
 
 def _directory(path: Path) -> Path | None:
@@ -192,9 +194,9 @@ def _directory(path: Path) -> Path | None:
     return None
 
 
-def load_runs(runs: Sequence[Path | Run]) -> list[Run]:
+def load_runs(runs: Sequence[Path | ReportedRun]) -> list[ReportedRun]:
     """Return the runs, loading those given as paths."""
-    return [run if isinstance(run, Run) else load_run(run) for run in runs]
+    return [run if isinstance(run, ReportedRun) else load_run(run) for run in runs]
 
 
 def _from_bag(
@@ -277,7 +279,7 @@ def law_name(law: str) -> str:
     return LAW_NAMES.get(law, law.upper() if len(law) <= 4 else law) or 'Unknown law'
 
 
-def labels(runs: Sequence[Run], short: bool = False) -> list[str]:
+def labels(runs: Sequence[ReportedRun], short: bool = False) -> list[str]:
     """
     Return one distinct text per run: the case, then the differences between equal cases.
 
@@ -297,20 +299,20 @@ def labels(runs: Sequence[Run], short: bool = False) -> list[str]:
     return texts
 
 
-def _base_label(run: Run, short: bool) -> str:
+def _base_label(run: ReportedRun, short: bool) -> str:
     parts = [run.role or law_name(run.law)] if short else [law_name(run.law), run.role]
     if run.location is not None and not short:
         parts.append(f'sensor at {run.location:g} m')
     return ', '.join(filter(None, (*parts, external_parts(run))))
 
 
-def external_parts(run: Run) -> str:
+def external_parts(run: ReportedRun) -> str:
     """Return the external nodes other than the controller, empty if there are none."""
     others = [role.replace('_', ' ') for role in run.external if role != 'controller']
     return f'external {" and ".join(others)}' if others else ''
 
 
-def _differences(runs: Sequence[Run]) -> list[str]:
+def _differences(runs: Sequence[ReportedRun]) -> list[str]:
     """Return for each run its values of the (at most two) parameters that differ."""
     keys: dict[tuple[str, str], None] = {}
     for run in runs:

@@ -25,7 +25,7 @@ from html import escape
 from typing import Any
 
 from flexarm_ros.analysis.report.claims import Claim, Claims
-from flexarm_ros.analysis.report.runs import labels, number, Run
+from flexarm_ros.analysis.report.runs import labels, number, ReportedRun
 from flexarm_ros.core.parameters.sections import keys, SECTIONS
 from flexarm_ros.core.run.metric_list import METRICS
 
@@ -62,14 +62,14 @@ def _scroll(table: str, label: str) -> str:
     return f'<div class="scroll" {region}>{table}</div>'
 
 
-def _run_heads(runs: Sequence[Run]) -> str:
+def _run_heads(runs: Sequence[ReportedRun]) -> str:
     return ''.join(
         f'<th scope="col">{text(label)}<span class="name">{_breakable(run.name)}</span></th>'
         for run, label in zip(runs, labels(runs), strict=True)
     )
 
 
-def metrics_table(runs: Sequence[Run]) -> str:
+def metrics_table(runs: Sequence[ReportedRun]) -> str:
     """Return the metrics of all runs, one column each."""
     rows = [_row('Outcome', '', [_outcome(run) for run in runs])]
     if any(run.external for run in runs):
@@ -120,7 +120,7 @@ def _number(value: Any) -> str:
     return f'{known:#.4g}' if 1e-4 < abs(known) < 1e4 else f'{known:.4g}'
 
 
-def _outcome(run: Run) -> str:
+def _outcome(run: ReportedRun) -> str:
     problem = run.summary.get('problem')
     why = f'<br>{text(problem)}' if isinstance(problem, str) and problem else ''
     if run.stable is True:
@@ -168,7 +168,7 @@ def _claim(claim: Claim) -> str:
     )
 
 
-def scenario_table(runs: Sequence[Run]) -> str:
+def scenario_table(runs: Sequence[ReportedRun]) -> str:
     """Return the resolved parameters: those that differ between the runs first."""
     keys: dict[tuple[str, str], None] = {}
     for run in runs:
@@ -187,7 +187,7 @@ def scenario_table(runs: Sequence[Run]) -> str:
     return _facts(runs, rows, 'Parameter')
 
 
-def _facts(runs: Sequence[Run], rows: Sequence[tuple[str, list[str]]], what: str) -> str:
+def _facts(runs: Sequence[ReportedRun], rows: Sequence[tuple[str, list[str]]], what: str) -> str:
     """Return tables of HTML cells: differing ones, one column per run, then the common ones."""
     tables = []
     differing = [(name, cells) for name, cells in rows if len(set(cells)) > 1]
@@ -228,10 +228,10 @@ def _unit(section: str, key: str) -> str:
     return f' <span class="unit">{escape(unit)}</span>' if unit else ''
 
 
-def provenance_table(runs: Sequence[Run]) -> str:
+def provenance_table(runs: Sequence[ReportedRun]) -> str:
     """Return the directory, scenario name and versions of each run."""
     names = dict.fromkeys(name for run in runs for name in _versions(run))
-    facts: list[tuple[str, Callable[[Run], Any]]] = [
+    facts: list[tuple[str, Callable[[ReportedRun], Any]]] = [
         ('directory', lambda run: str(run.directory)),
         ('scenario', lambda run: run.summary.get('name') or '–'),
         ('rows', lambda run: run.rows),
@@ -242,6 +242,6 @@ def provenance_table(runs: Sequence[Run]) -> str:
     return _facts(runs, rows, 'Fact')
 
 
-def _versions(run: Run) -> dict[str, Any]:
+def _versions(run: ReportedRun) -> dict[str, Any]:
     versions = run.summary.get('versions')
     return versions if isinstance(versions, dict) else {}

@@ -104,7 +104,7 @@ class Verdict:
         return min(self.first.values(), key=lambda d: (d.tick, d.check == LOOP), default=None)
 
 
-class _Comparison:
+class _MessageComparison:
     """Compares messages and counts the results."""
 
     def __init__(self, reader: BagReader, verdict: Verdict) -> None:
@@ -159,7 +159,7 @@ class _Run:
     def __init__(self, reader: BagReader, skip: frozenset[str], verdict: Verdict) -> None:
         self._reader, self._verdict, self._skip = reader, verdict, skip
         self._topics = reader.topics
-        self._comparison = _Comparison(reader, verdict)
+        self._comparison = _MessageComparison(reader, verdict)
         placed = reader.config.plant.initial_position is not None
         start_known = placed or 'trajectory' not in reader.unknown
         self._nodes = Nodes(reader.config, reader.topics, skip, start_known)

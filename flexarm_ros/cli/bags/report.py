@@ -26,7 +26,7 @@ from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.options.bags import add_bag_options, given_scenario
 
 if TYPE_CHECKING:
-    from flexarm_ros.analysis.report.runs import Run
+    from flexarm_ros.analysis.report.runs import ReportedRun
 
 
 def add_parser(subparsers: Any) -> None:
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _load(args: argparse.Namespace) -> list[Run]:
+def _load(args: argparse.Namespace) -> list[ReportedRun]:
     from flexarm_ros.analysis.report.runs import load_run, RunError
     from flexarm_ros.cli.options.output import skips
 

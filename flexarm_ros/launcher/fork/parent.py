@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node processes as forks of one that has imported everything; see `launcher.nursery`."""
+"""Node processes as forks of one that has imported everything; see `launcher.fork.server`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ import time
 from flexarm_ros import code_cache
 from flexarm_ros.nodes.classes import MODULES
 
-NURSERY = 'flexarm_ros.launcher.fork.server'
+FORK_SERVER = 'flexarm_ros.launcher.fork.server'
 _LIMIT_S = 300.0
 """Wall time for imports, and for compiling if the cache is empty."""
 
@@ -125,19 +125,19 @@ def start(
     request = json.dumps({'modules': list(modules), 'scenario': scenario, 'children': children})
     passed = {*pass_fds, *(descriptor for three in files.values() for descriptor in three)}
     with _adopting, _subreaper(), subprocess.Popen(
-        [sys.executable, '-m', NURSERY], env=dict(env), cwd=cwd, text=True,
+        [sys.executable, '-m', FORK_SERVER], env=dict(env), cwd=cwd, text=True,
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         pass_fds=sorted(passed), start_new_session=True,
-    ) as nursery:  # fmt: skip
+    ) as server:  # fmt: skip
         try:
-            told, trouble = nursery.communicate(request, timeout=_LIMIT_S)
+            told, trouble = server.communicate(request, timeout=_LIMIT_S)
         except BaseException as error:
-            nursery.kill()
+            server.kill()
             if isinstance(error, subprocess.TimeoutExpired):
                 raise NotForked(f'not within {_LIMIT_S:g} s') from None
             raise
-    if nursery.returncode != 0:
-        raise NotForked(trouble.strip() or f'exit status {nursery.returncode}')
+    if server.returncode != 0:
+        raise NotForked(trouble.strip() or f'exit status {server.returncode}')
     for line in trouble.splitlines():
         if line.startswith(code_cache.COMPLAINT):
             code_cache.tell(line)

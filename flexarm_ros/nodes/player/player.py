@@ -39,7 +39,7 @@ from flexarm_ros.nodes.player.replay_peer import ControllerSeat
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.parameters.own import OWN
 from flexarm_ros.nodes.runtime.process.middleware import start
-from flexarm_ros.nodes.runtime.process.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.process.shutdown_watchdog import shutdown_limit
 from flexarm_ros.nodes.runtime.topics.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
 from flexarm_ros.wire.topics import CLOCK, COMMAND
@@ -283,7 +283,7 @@ def play(argv: list[str]) -> int:
             node.get_logger().info(text)
         return 0
     finally:
-        with leaving():
+        with shutdown_limit():
             executor.shutdown(timeout_sec=1.0)
             if services.ident is not None:
                 services.join(timeout=2.0)

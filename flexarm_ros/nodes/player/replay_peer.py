@@ -25,7 +25,7 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import publisher_fault, subscriber_faults
 from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections
-from flexarm_ros.nodes.runtime.joining.status import Board, Phase
+from flexarm_ros.nodes.runtime.joining.status import Phase, StatusBoard
 from flexarm_ros.nodes.runtime.process.middleware import source_of
 from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
@@ -58,7 +58,7 @@ class ControllerSeat:
             callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
         self._waiter = Waiter(node.context)
-        self._boards = {role: Board(node, role) for role in ROLES if role != 'controller'}
+        self._boards = {role: StatusBoard(node, role) for role in ROLES if role != 'controller'}
         for role, board in self._boards.items():
             board.publish(parameters=dump_sections(config, role), phase=Phase.READY)
         self._largest = 0.0

@@ -100,7 +100,7 @@ class RunControl:
         """Return the wall time per tick at the requested speed, 0 without a limit."""
         return self.period_s() / self.rtf if self.rtf > 0.0 else 0.0
 
-    def nap_s(self, tick: int, now: float, longest: float) -> float:
+    def max_sleep_s(self, tick: int, now: float, longest: float) -> float:
         """Return how long the plant may sleep before the next check."""
         if self.paused or self.rtf <= 0.0:
             return min(longest, 0.01) if self.paused else longest

@@ -21,14 +21,14 @@ class RunFailed(Exception):
     """
     The run cannot go on; ``blame`` is the role held responsible.
 
-    ``told_by`` is the role that found it out, where it was not this node.
+    ``reported_by`` is the role that found it out, where it was not this node.
     """
 
-    def __init__(self, blame: str, reason: str, told_by: str = '') -> None:
+    def __init__(self, blame: str, reason: str, reported_by: str = '') -> None:
         super().__init__(reason)
         self.blame = blame
         self.reason = reason
-        self.told_by = told_by
+        self.reported_by = reported_by
 
 
 class NeverMet(RunFailed):

@@ -44,11 +44,11 @@ def _spin_alone(participant: Participant, waiter: Waiter) -> None:
         participant.drive()
         now = time.monotonic()
         if now >= next_look:
-            participant.look_around(now)
+            participant.poll_peers(now)
             next_look = now + participant.look_interval
         if participant.finished:
             return
-        pause = min(next_look - now, participant.nap(now))
+        pause = min(next_look - now, participant.max_sleep_s(now))
         waiter.wait(participant.blocked_on(), int(pause * 1e9))
         if not board.going:
             next_look = 0.0  # a word of the peers that is not taken would wake it again
@@ -64,13 +64,13 @@ def _spin_together(participants: Sequence[Participant], waiter: Waiter) -> None:
         now = time.monotonic()
         if now >= next_look:
             for participant in participants:
-                participant.look_around(now)
+                participant.poll_peers(now)
             if all(p.finished for p in participants):
                 return
             next_look = now + min(p.look_interval for p in participants)
         if not busy:
             waiting = [handle for p in participants for handle in p.blocked_on()]
-            pause = min([max(0.0, next_look - now)] + [p.nap(now) for p in participants])
+            pause = min([max(0.0, next_look - now)] + [p.max_sleep_s(now) for p in participants])
             waiter.wait(waiting, int(pause * 1e9))
             if any(not p.under_way and not p.finished for p in participants):
                 next_look = 0.0

@@ -20,7 +20,7 @@ from typing import ClassVar
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.nodes.runtime.joining.status import Board
+from flexarm_ros.nodes.runtime.joining.status import StatusBoard
 from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from rclpy.node import Node
 
@@ -38,7 +38,7 @@ class Member(Node):
     ROLE: ClassVar[str]
     config: RunConfig
     timeline: Timeline
-    board: Board
+    board: StatusBoard
     inputs: dict[str, Input]
     outputs: dict[str, Output]
     tick: int

@@ -24,7 +24,7 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
 from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.joining.membership import Membership
-from flexarm_ros.nodes.runtime.joining.status import Board, Phase
+from flexarm_ros.nodes.runtime.joining.status import Phase, StatusBoard
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, Member
 from flexarm_ros.nodes.runtime.parameters.declared import declare_and_load, declare_own
 from flexarm_ros.nodes.runtime.parameters.live import ChangesInput, LiveParameters
@@ -72,7 +72,7 @@ class Participant(Member):
         self.supervisor = supervisor
         self.config = declare_and_load(self, self.ROLE, argv)
         declare_own(self, self.ROLE, OWN.get(self.ROLE, {}), argv)
-        self.board = Board(self, self.ROLE)
+        self.board = StatusBoard(self, self.ROLE)
         self.failure: RunFailed | None = None
         self.failed_run = False
         self.finished = False
@@ -116,7 +116,7 @@ class Participant(Member):
         """Make the core object of this node from ``self.config`` (agreed by all)."""
         raise NotImplementedError
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Call the core once on a copy: what is not compiled yet is compiled before tick 0."""
 
     def advance(self) -> bool:
@@ -187,11 +187,11 @@ class Participant(Member):
             return [self._missing.handle]
         return [self.board.handle]
 
-    def nap(self, now: float) -> float:
+    def max_sleep_s(self, now: float) -> float:
         """Return how long this node may sleep at the longest, in seconds."""
         return HOUSEKEEPING_S
 
-    def look_around(self, now: float) -> None:
+    def poll_peers(self, now: float) -> None:
         """Look at the peers, the supervisor and the time limits."""
         if self.finished:
             return
@@ -244,10 +244,10 @@ class Participant(Member):
                         entries[topic.name].configure(topic, self.timeline)
             self.live.restore()
             self.build()
-            self.rehearse()
+            self.warm_up()
             self.membership.built = True
         if self.membership.matched(now):
-            self.membership.settle()
+            self.membership.lock_members()
             for fault in self.membership.deaf:
                 self.get_logger().warning(f'a subscription gets no messages: {fault}')
             self.change_phase(Phase.READY, extra=self.epochs.extra())
@@ -425,7 +425,7 @@ class Participant(Member):
             return
         self.finished = True
         self.failure = failure
-        told = f'ended by the {failure.told_by}: ' if failure.told_by else ''
+        told = f'ended by the {failure.reported_by}: ' if failure.reported_by else ''
         who = f'{failure.blame}: ' if failure.blame else ''
         self.get_logger().error(f'{told}{who}{failure.reason}')
         self.supervisor.report(

@@ -36,7 +36,7 @@ from flexarm_ros.nodes.runtime.joining.config_exchange import Disagreement, told
 from flexarm_ros.nodes.runtime.parameters.declared import declare_own, given_parameters
 from flexarm_ros.nodes.runtime.parameters.own import OWN
 from flexarm_ros.nodes.runtime.process.middleware import start
-from flexarm_ros.nodes.runtime.process.shutdown_watchdog import leaving
+from flexarm_ros.nodes.runtime.process.shutdown_watchdog import shutdown_limit
 from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import message_class
 from flexarm_ros.nodes.view.foxglove import FoxgloveView, ViewError
@@ -170,13 +170,13 @@ def view(argv: list[str]) -> int:
         try:
             node.run()
         finally:
-            with leaving():
+            with shutdown_limit():
                 node.close()
                 node.destroy_node()
     except (ViewError, scenario.ScenarioError) as error:
         print(f'viewer: {error}', file=sys.stderr)
         return 2
     finally:
-        with leaving():
+        with shutdown_limit():
             rclpy.try_shutdown()
     return caught

@@ -25,7 +25,7 @@ import operator
 from typing import Any
 
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
-from flexarm_ros.scenario.suites.expect import known_metric, lookup, Metrics, Outcome
+from flexarm_ros.scenario.suites.expect import CheckResult, known_metric, lookup, Metrics
 
 _BINARY: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -51,7 +51,7 @@ class _Missing(Exception):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class MetricComparison:
     """
     A relation between metrics of cases, ``fls_tip.max_overshoot < pd_tip.max_overshoot``.
 
@@ -63,7 +63,7 @@ class Comparison:
     text: str
 
     @classmethod
-    def parse(cls, text: str, cases: Iterable[str], where: str) -> Comparison:
+    def parse(cls, text: str, cases: Iterable[str], where: str) -> MetricComparison:
         """Parse a comparison, checking the names of cases; ScenarioError if invalid."""
         made = cls(text)
         try:
@@ -86,21 +86,21 @@ class Comparison:
             raise ScenarioError('not a comparison; it needs one of < <= > >= == !=')
         return body
 
-    def check(self, runs: Mapping[str, Metrics]) -> Outcome:
+    def check(self, runs: Mapping[str, Metrics]) -> CheckResult:
         """Compare the metrics of runs, ``{case: metrics}``."""
         compare = self._tree()
         try:
             sides = [_value(side, runs) for side in (compare.left, *compare.comparators)]
         except (_Missing, ZeroDivisionError, OverflowError) as error:
             reason = str(error) if isinstance(error, _Missing) else 'no finite value'
-            return Outcome(None, f'{self.text}: not known ({reason})')
+            return CheckResult(None, f'{self.text}: not known ({reason})')
         if not all(map(math.isfinite, sides)):
-            return Outcome(None, f'{self.text}: not known (no finite value)')
+            return CheckResult(None, f'{self.text}: not known (no finite value)')
         relations = [_RELATIONS[type(op)] for op in compare.ops]
         pairs = zip(relations, itertools.pairwise(sides), strict=True)
         holds = all(relation(*pair) for relation, pair in pairs)
         shown = ' vs '.join(f'{value:.6g}' for value in sides)
-        return Outcome(holds, f'{self.text}: {shown}')
+        return CheckResult(holds, f'{self.text}: {shown}')
 
 
 def _reference(node: ast.expr) -> tuple[str, str, int | None] | None:

@@ -31,8 +31,7 @@ from typing import Any
 
 from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
-from flexarm_ros.scenario.yaml.rclyaml import Mapping as MapTree
-from flexarm_ros.scenario.yaml.rclyaml import Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.yaml.rclyaml import MappingTree, Scalar, SequenceTree, show, Tree
 from flexarm_ros.scenario.yaml.treeread import as_list, as_map, as_number
 
 Metrics = Mapping[str, Any]
@@ -67,7 +66,7 @@ def known_metric(name: str, where: str) -> tuple[str, int | None]:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CheckResult:
     """Whether an expectation holds (``None``: a number is missing), and a line of explanation."""
 
     holds: bool | None
@@ -97,7 +96,7 @@ class Expectation:
         sign = _COMPARE[self.op][0] if self.op in _COMPARE else self.op
         return f'{self.name} {sign} {format_value(self.value)}'
 
-    def check(self, metrics: Metrics) -> Outcome:
+    def check(self, metrics: Metrics) -> CheckResult:
         """
         Compare with a run's metrics.
 
@@ -105,12 +104,12 @@ class Expectation:
         """
         found = lookup(metrics, self.metric, self.index)
         if found is None and (self.op == 'ne' or (self.op == 'eq' and self.value is None)):
-            return Outcome(_COMPARE[self.op][1](None, self.value), f'{self}: null')
+            return CheckResult(_COMPARE[self.op][1](None, self.value), f'{self}: null')
         if found is None:
-            return Outcome(None, f'{self}: not known')
+            return CheckResult(None, f'{self}: not known')
         items = found if isinstance(found, list) else [found]
         holds = bool(items) and all(self._holds(item) for item in items)
-        return Outcome(holds, f'{self}: {format_value(found)}')
+        return CheckResult(holds, f'{self}: {format_value(found)}')
 
     def _holds(self, item: Any) -> bool:
         if self.op == 'contains':
@@ -160,7 +159,7 @@ def read_expectations(tree: Tree, where: str) -> tuple[Expectation, ...]:
     for name, wanted in as_map(tree, where).items():
         metric, index = known_metric(name, where)
         place = f'{where}.{name}'
-        if isinstance(wanted, MapTree):
+        if isinstance(wanted, MappingTree):
             found += _conditions(metric, index, wanted, place)
         else:
             found.append(Expectation(metric, index, 'eq', _literal(wanted, place)))
@@ -168,7 +167,7 @@ def read_expectations(tree: Tree, where: str) -> tuple[Expectation, ...]:
 
 
 def _literal(tree: Tree, where: str) -> Any:
-    if isinstance(tree, Sequence):
+    if isinstance(tree, SequenceTree):
         raise ScenarioError(f'{where}: {show(tree)}: expect one item by its index, name[0]')
     assert isinstance(tree, Scalar)
     if isinstance(tree.value, float):
@@ -177,7 +176,7 @@ def _literal(tree: Tree, where: str) -> Any:
 
 
 def _conditions(
-    metric: str, index: int | None, tree: MapTree, where: str
+    metric: str, index: int | None, tree: MappingTree, where: str
 ) -> Iterable[Expectation]:  # fmt: skip
     entries = as_map(tree, where, (*OPERATORS, 'abs', 'rel'))
     tolerances = {'abs', 'rel'} & set(entries)

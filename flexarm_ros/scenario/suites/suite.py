@@ -51,8 +51,8 @@ from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find, first_comment, shipped, shipped_suites
 from flexarm_ros.scenario.reader import load as load_scenario
-from flexarm_ros.scenario.suites.compare import Comparison
-from flexarm_ros.scenario.suites.expect import Expectation, Metrics, Outcome, read_expectations
+from flexarm_ros.scenario.suites.compare import MetricComparison
+from flexarm_ros.scenario.suites.expect import CheckResult, Expectation, Metrics, read_expectations
 from flexarm_ros.scenario.yaml.rclyaml import parse, Tree
 from flexarm_ros.scenario.yaml.treeread import (
     as_list,
@@ -98,7 +98,7 @@ class Case:
     expect: tuple[Expectation, ...] = ()
     faults: tuple[Fault, ...] = ()
 
-    def check(self, metrics: Metrics) -> list[Outcome]:
+    def check(self, metrics: Metrics) -> list[CheckResult]:
         """Return the outcome of every expectation, in the file's order."""
         return [expectation.check(metrics) for expectation in self.expect]
 
@@ -108,10 +108,10 @@ class Claim:
     """A statement about several cases, made of comparisons; it may be known to be false."""
 
     text: str
-    checks: tuple[Comparison, ...]
+    checks: tuple[MetricComparison, ...]
     known: str | None = None
 
-    def judge(self, runs: Mapping[str, Metrics]) -> tuple[str, list[Outcome]]:
+    def judge(self, runs: Mapping[str, Metrics]) -> tuple[str, list[CheckResult]]:
         """Return the verdict (one of ``VERDICTS``, or ``not known``) and each outcome."""
         outcomes = [check.check(runs) for check in self.checks]
         held = [outcome.holds for outcome in outcomes]
@@ -132,7 +132,7 @@ class Suite:
     name: str
     description: str
     cases: tuple[Case, ...]
-    compare: tuple[Comparison, ...] = ()
+    compare: tuple[MetricComparison, ...] = ()
     claims: tuple[Claim, ...] = ()
     paper: bool = False
     """Whether its claims are the paper's, which exclude external nodes: the shipped suite."""
@@ -286,12 +286,13 @@ def _read_fault(tree: Tree, where: str, config: RunConfig) -> Fault:
 
 def _read_comparisons(
     tree: Tree | None, names: list[str], where: str
-) -> tuple[Comparison, ...]:  # fmt: skip
+) -> tuple[MetricComparison, ...]:  # fmt: skip
     if tree is None:
         return ()
     texts = [as_text(item, f'{where}[{n}]') for n, item in enumerate(as_list(tree, where))]
     return tuple(
-        Comparison.parse(text, names, f'{where}[{number}]') for number, text in enumerate(texts)
+        MetricComparison.parse(text, names, f'{where}[{number}]')
+        for number, text in enumerate(texts)
     )
 
 

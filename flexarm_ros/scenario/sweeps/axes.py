@@ -32,7 +32,14 @@ from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.plugins import find_laws
 from flexarm_ros.scenario.reader import find_key, full_name, PACE
 from flexarm_ros.scenario.yaml.convert import convert
-from flexarm_ros.scenario.yaml.rclyaml import float_text, Mapping, Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.yaml.rclyaml import (
+    float_text,
+    MappingTree,
+    Scalar,
+    SequenceTree,
+    show,
+    Tree,
+)
 from flexarm_ros.scenario.yaml.treeread import as_integer, as_list, as_map, as_number, yaml_text
 
 if TYPE_CHECKING:
@@ -100,7 +107,7 @@ class Parameter:
         if (self.section, self.key) == ('controller', 'law') and isinstance(tree, Scalar):
             find_laws(tree.value, (), user=True)
         both = self.spec.kind == 'float2' and isinstance(tree, Scalar)
-        convert(where, self.spec, Sequence((tree, tree)) if both else tree)
+        convert(where, self.spec, SequenceTree((tree, tree)) if both else tree)
         return yaml_text(tree)
 
     def check_text(self, text: str, where: str) -> str:
@@ -116,7 +123,7 @@ def numbers_in(text: str) -> list[float]:
 
 def read_axis(parameter: Parameter, tree: Tree, where: str) -> tuple[str, ...]:
     """Read a grid's axis: a list, ``{from, to, count}``, with ``scale: log``, or ``step``."""
-    if isinstance(tree, Mapping):
+    if isinstance(tree, MappingTree):
         return _steps(parameter, tree, where)
     items = as_list(tree, where)
     if not 1 <= len(items) <= MAX_VALUES:
@@ -124,7 +131,7 @@ def read_axis(parameter: Parameter, tree: Tree, where: str) -> tuple[str, ...]:
     return tuple(parameter.check(item, f'{where}[{i}]') for i, item in enumerate(items))
 
 
-def _steps(parameter: Parameter, tree: Mapping, where: str) -> tuple[str, ...]:
+def _steps(parameter: Parameter, tree: MappingTree, where: str) -> tuple[str, ...]:
     _needs_number(parameter, where)
     entries = as_map(tree, where, ('from', 'to', 'count', 'step', 'scale'))
     if not {'from', 'to'} <= set(entries) or ('count' in entries) == ('step' in entries):

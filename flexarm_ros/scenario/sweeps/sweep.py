@@ -53,7 +53,7 @@ from flexarm_ros.scenario.reader import load as load_scenario
 from flexarm_ros.scenario.suites.expect import known_metric
 from flexarm_ros.scenario.sweeps.axes import Draw, Parameter, read_axis, read_draw
 from flexarm_ros.scenario.writer import dump
-from flexarm_ros.scenario.yaml.rclyaml import parse, Sequence, Tree
+from flexarm_ros.scenario.yaml.rclyaml import parse, SequenceTree, Tree
 from flexarm_ros.scenario.yaml.treeread import as_integer, as_map, as_text, overrides_of
 
 MAX_BYTES = 1024 * 1024
@@ -206,7 +206,7 @@ def _read(entries: dict[str, Tree], name: str, directory: Path, description: str
 
 def _sources(tree: Tree, directory: Path) -> tuple[Path, ...]:
     known = shipped()
-    items = tree.items if isinstance(tree, Sequence) else (tree,)
+    items = tree.items if isinstance(tree, SequenceTree) else (tree,)
     sources = [find(as_text(item, 'scenario'), known, directory) for item in items]
     if not sources:
         raise ScenarioError('scenario: none; give at least one')

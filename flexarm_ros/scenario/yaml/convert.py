@@ -20,7 +20,7 @@ from typing import Any
 
 from flexarm_ros.core.parameters.spec import check, Spec, wrong_kind
 from flexarm_ros.scenario.errors import ScenarioError
-from flexarm_ros.scenario.yaml.rclyaml import Scalar, Sequence, show, Tree
+from flexarm_ros.scenario.yaml.rclyaml import Scalar, SequenceTree, show, Tree
 
 MAX_ITEMS = 10_000
 """Longest array of kind ``floats``."""
@@ -43,7 +43,7 @@ def convert(key: str, spec: Spec, tree: Tree) -> Any:
 
 
 def _array(key: str, spec: Spec, tree: Tree) -> tuple[float, ...]:
-    if not isinstance(tree, Sequence):
+    if not isinstance(tree, SequenceTree):
         raise wrong_kind(key, spec, show(tree))
     count = len(tree.items)
     if spec.kind == 'float2' and count != 2:

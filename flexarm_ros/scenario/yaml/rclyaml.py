@@ -70,7 +70,7 @@ class Scalar:
 
 
 @dataclass(frozen=True, slots=True)
-class Sequence:
+class SequenceTree:
     """An array."""
 
     items: tuple[Tree, ...]
@@ -78,14 +78,14 @@ class Sequence:
 
 
 @dataclass(frozen=True, slots=True)
-class Mapping:
+class MappingTree:
     """A map; keys are always texts."""
 
     entries: dict[str, Tree]
     line: int = 0
 
 
-Tree = Scalar | Sequence | Mapping
+Tree = Scalar | SequenceTree | MappingTree
 
 
 def resolve(text: str, quoted: bool = False) -> PlainValue:
@@ -206,15 +206,15 @@ class _Builder:
             return self._mapping(event, depth)
         return _scalar(event)
 
-    def _sequence(self, start: Any, depth: int) -> Sequence:
+    def _sequence(self, start: Any, depth: int) -> SequenceTree:
         items: list[Tree] = []
         for event in self._events:
             if isinstance(event, yaml.SequenceEndEvent):
                 break
             items.append(self._value(event, depth + 1))
-        return Sequence(tuple(items), _line(start))
+        return SequenceTree(tuple(items), _line(start))
 
-    def _mapping(self, start: Any, depth: int) -> Mapping:
+    def _mapping(self, start: Any, depth: int) -> MappingTree:
         entries: dict[str, Tree] = {}
         for event in self._events:
             if isinstance(event, yaml.MappingEndEvent):
@@ -227,7 +227,7 @@ class _Builder:
                 )
             value = self._value(next(self._events), depth + 1)
             entries[event.value] = value
-        return Mapping(entries, _line(start))
+        return MappingTree(entries, _line(start))
 
 
 def _plain(event: Any) -> bool:
@@ -253,7 +253,7 @@ def show(tree: Tree) -> str:
     if isinstance(tree, Scalar):
         quoted = isinstance(tree.value, str)
         return f"'{clip(tree.text)}'" if quoted else clip(tree.text)
-    if isinstance(tree, Sequence):
+    if isinstance(tree, SequenceTree):
         return clip('[' + ', '.join(show(item) for item in tree.items[:6]) + ']')
     return 'a map'
 
@@ -262,7 +262,7 @@ def plain(tree: Tree) -> Any:
     """Return a tree as dicts, lists and values."""
     if isinstance(tree, Scalar):
         return tree.value
-    if isinstance(tree, Sequence):
+    if isinstance(tree, SequenceTree):
         return [plain(item) for item in tree.items]
     return {key: plain(value) for key, value in tree.entries.items()}
 
@@ -272,9 +272,9 @@ def tree_of(value: Any) -> Tree:
     if hasattr(value, 'tolist'):  # numpy's arrays and scalars
         value = value.tolist()
     if isinstance(value, dict):
-        return Mapping({str(key): tree_of(item) for key, item in value.items()})
+        return MappingTree({str(key): tree_of(item) for key, item in value.items()})
     if isinstance(value, (list, tuple)):
-        return Sequence(tuple(tree_of(item) for item in value))
+        return SequenceTree(tuple(tree_of(item) for item in value))
     if isinstance(value, (bool, int, float, str)):
         return Scalar(value, repr(value) if isinstance(value, float) else str(value))
     raise ScenarioError(f'{clip(repr(value))}: a value must be a number, a text or an array')

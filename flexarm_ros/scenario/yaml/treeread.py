@@ -22,10 +22,10 @@ import itertools
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
 from flexarm_ros.scenario.yaml.rclyaml import (
     float_text,
-    Mapping,
+    MappingTree,
     quoted,
     Scalar,
-    Sequence,
+    SequenceTree,
     show,
     Tree,
 )
@@ -33,7 +33,7 @@ from flexarm_ros.scenario.yaml.rclyaml import (
 
 def as_map(tree: Tree, where: str, known: Iterable[str] | None = None) -> dict[str, Tree]:
     """Return a map's entries; raise ScenarioError for another type or an unknown key."""
-    if not isinstance(tree, Mapping):
+    if not isinstance(tree, MappingTree):
         raise ScenarioError(f'{where}: {show(tree)} is not a map')
     if known is not None:
         known = list(known)
@@ -48,7 +48,7 @@ def as_map(tree: Tree, where: str, known: Iterable[str] | None = None) -> dict[s
 
 def as_list(tree: Tree, where: str) -> tuple[Tree, ...]:
     """Return an array's items."""
-    if not isinstance(tree, Sequence):
+    if not isinstance(tree, SequenceTree):
         raise ScenarioError(f'{where}: {show(tree)} is not a list')
     return tree.items
 
@@ -96,7 +96,7 @@ def yaml_text(tree: Tree) -> str:
         if isinstance(tree.value, float) and not tree.line:
             return float_text(tree.value)
         return tree.text.strip()
-    if isinstance(tree, Sequence):
+    if isinstance(tree, SequenceTree):
         return '[' + ', '.join(yaml_text(item) for item in tree.items) + ']'
     entries = (f'{quoted(key)}: {yaml_text(item)}' for key, item in tree.entries.items())
     return '{' + ', '.join(entries) + '}'
@@ -104,7 +104,7 @@ def yaml_text(tree: Tree) -> str:
 
 def overrides_of(tree: Tree, where: str) -> tuple[str, ...]:
     """Return ``set``: a map ``node.key: value`` or a list of ``node.key=value``, as texts."""
-    if isinstance(tree, Sequence):
+    if isinstance(tree, SequenceTree):
         return tuple(as_text(item, where) for item in tree.items)
     return tuple(f'{key}={yaml_text(value)}' for key, value in as_map(tree, where).items())
 

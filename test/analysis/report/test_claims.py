@@ -23,7 +23,7 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.analysis.report.claims import Claims, evaluate
-from flexarm_ros.analysis.report.runs import Run
+from flexarm_ros.analysis.report.runs import ReportedRun
 from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from flexarm_ros.scenario.suites import suite
 import numpy as np
@@ -44,14 +44,14 @@ OVERSHOOTS = {
 }
 
 
-def made(case: str, *overrides: str, name: str = '', **summary: Any) -> Run:
+def made(case: str, *overrides: str, name: str = '', **summary: Any) -> ReportedRun:
     """Return a shipped scenario's run with given metrics and no rows."""
     held = json.loads(json.dumps(scenario.to_dict(scenario.load(case, list(overrides)))))
     metrics = {
         'stable': True, 'overshoot': OVERSHOOTS.get(case), 'rms_error': 0.2, 'max_error': 0.9
     }  # fmt: skip
     columns = {column: np.zeros(0) for column in COLUMNS}
-    return Run(Path('/runs') / (name or case), columns, {**metrics, **summary}, held)
+    return ReportedRun(Path('/runs') / (name or case), columns, {**metrics, **summary}, held)
 
 
 def verdicts(claims: Claims) -> dict[str, str]:

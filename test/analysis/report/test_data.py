@@ -31,7 +31,7 @@ from flexarm_ros.analysis.report.data import (
     STEPS,
 )
 from flexarm_ros.analysis.report.page import script_json
-from flexarm_ros.analysis.report.runs import Run
+from flexarm_ros.analysis.report.runs import ReportedRun
 from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from hypothesis import given
 from hypothesis import strategies as st
@@ -49,12 +49,12 @@ def unpack(low: float, span: float, data: str) -> np.ndarray:
     return np.where(codes > STEPS, np.nan, low + codes / STEPS * span)
 
 
-def run_of(rows: int, seed: int = 0, name: str = 'x', **columns: np.ndarray) -> Run:
+def run_of(rows: int, seed: int = 0, name: str = 'x', **columns: np.ndarray) -> ReportedRun:
     """Return a run of noise; some columns may be given."""
     random = np.random.default_rng(seed)
     held = {column: random.standard_normal(rows) for column in COLUMNS}
     held['t'] = np.arange(rows) * 1e-3
-    return Run(Path('/runs') / name, {**held, **columns}, {}, {})
+    return ReportedRun(Path('/runs') / name, {**held, **columns}, {}, {})
 
 
 @given(hnp.arrays(np.float64, st.integers(0, 50), elements=st.one_of(FLOATS, st.just(np.nan))))

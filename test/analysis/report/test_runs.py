@@ -26,7 +26,7 @@ from flexarm_ros.analysis.report.runs import (
     labels,
     load_run,
     NONCOLLOCATED,
-    Run,
+    ReportedRun,
     RunError,
 )
 from flexarm_ros.bag.simulation import simulate
@@ -50,7 +50,9 @@ def copy(tmp_path: Path) -> Path:
     return fly(tmp_path / 'copy', 'fls_tip', 'duration=0.1')
 
 
-def made(law: str, feedback: str, delay: float = 0.0, name: str = 'x', **plant: object) -> Run:
+def made(
+    law: str, feedback: str, delay: float = 0.0, name: str = 'x', **plant: object
+) -> ReportedRun:
     """Return a run without rows."""
     scenario = {
         'plant': dict(plant),
@@ -58,7 +60,7 @@ def made(law: str, feedback: str, delay: float = 0.0, name: str = 'x', **plant: 
         'trajectory': {'delay': delay},
         'controller': {'law': law, 'feedback': feedback},
     }
-    return Run(Path('/runs') / name, {c: np.zeros(0) for c in COLUMNS}, {}, scenario)
+    return ReportedRun(Path('/runs') / name, {c: np.zeros(0) for c in COLUMNS}, {}, scenario)
 
 
 def test_a_run_is_found_from_its_directory_its_bag_and_files_in_them(directory: Path) -> None:

@@ -65,7 +65,7 @@ def test_who_joins_says_so_again_and_again(joining: Joining) -> None:
     )
 
     def heard() -> bool:
-        node.look_around(time.monotonic())
+        node.poll_peers(time.monotonic())
         taken = late.handle.take_message(DiagnosticStatus, False)
         return taken is not None and taken[0].hardware_id == mine.identity
 

@@ -28,7 +28,7 @@ import sys
 import threading
 
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.joining.status import Board, Phase, Status
+from flexarm_ros.nodes.runtime.joining.status import Phase, Status, StatusBoard
 from flexarm_ros.nodes.runtime.topics.channels import Input
 from nodetools import finish, flexarm, start_node, wait_for, write_scenario
 import pytest
@@ -42,10 +42,10 @@ KINDS = ('none', 'handle unnumbered', 'none unnumbered')
 
 PROBE = """
 import rclpy
-from flexarm_ros.nodes.runtime.joining.status import Board
+from flexarm_ros.nodes.runtime.joining.status import StatusBoard
 rclpy.init()
 node = rclpy.create_node("probe")
-board = Board(node, "plant")
+board = StatusBoard(node, "plant")
 board.publish()
 while board.sender_info is None:
     board.update()
@@ -184,7 +184,7 @@ def test_a_gap_of_the_only_publisher_is_a_lost_message(exact: bool) -> None:
 
 def test_a_node_that_was_never_found_in_the_graph_is_forgotten() -> None:
     status = Status('encoder', '7', '/encoder', Phase.READY)
-    board = Board.__new__(Board)
+    board = StatusBoard.__new__(StatusBoard)
     board.others, board._senders, board._sources = {'7': status}, {'7': b''}, {}
     board._seen = {'7'}
     board._publishers = list  # type: ignore[method-assign]

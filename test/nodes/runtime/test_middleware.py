@@ -99,9 +99,9 @@ def test_a_process_that_cannot_leave_ends_with_its_status() -> None:
     """Fast DDS keeps one now and then from leaving a run in which all was well."""
     code = """
 import time
-from flexarm_ros.nodes.runtime.process import shutdown_watchdog as watchdog
-watchdog._OWN_LIMIT_S = 0.2
-with watchdog.leaving({status}):
+from flexarm_ros.nodes.runtime.process import shutdown_watchdog
+shutdown_watchdog._OWN_LIMIT_S = 0.2
+with shutdown_watchdog.shutdown_limit({status}):
     time.sleep(30.0)
 """
     for status in (0, 3):

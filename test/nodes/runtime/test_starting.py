@@ -168,7 +168,7 @@ def test_a_peer_that_knew_this_node_is_heeded(joining: Joining) -> None:
     told('start: no disk', 'somebody', me)
     with pytest.raises(RunFailed, match='start: no disk') as caught:
         member.join(0.1)
-    assert (caught.value.blame, caught.value.told_by) == ('recorder', 'plant')
+    assert (caught.value.blame, caught.value.reported_by) == ('recorder', 'plant')
 
 
 def test_a_node_that_runs_tells_what_the_plant_waits_for(joining: Joining) -> None:

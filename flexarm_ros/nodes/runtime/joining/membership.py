@@ -36,12 +36,12 @@ from flexarm_ros.nodes.runtime.joining.config_exchange import (
     merge_sections,
 )
 from flexarm_ros.nodes.runtime.joining.status import (
-    Board,
     epoch_of,
     heard_by,
     Phase,
     plant_of,
     Status,
+    StatusBoard,
     TOPIC,
     TYPE,
 )
@@ -78,7 +78,7 @@ _BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 class Membership:
     """What one participant knows of its run's members."""
 
-    def __init__(self, me: Member, board: Board) -> None:
+    def __init__(self, me: Member, board: StatusBoard) -> None:
         self._me = me
         self._board = board
         self.config: RunConfig = me.config
@@ -143,7 +143,7 @@ class Membership:
             self._judged[topic, sender] = until, ours
         return ours
 
-    def settle(self) -> None:
+    def lock_members(self) -> None:
         """Keep to the peers that are there now: a newcomer changes nothing any more."""
         held = {role: self.status_of(role) for role in self.required()}
         self._members = {role: status.identity for role, status in held.items() if status}
@@ -190,7 +190,7 @@ class Membership:
             told = self._board.mine.identity in heard_by(other)
             if other.phase is Phase.FAILED and starting and told and not interrupted(other.text):
                 role = other.role if other.role in ROLES else ''
-                raise RunFailed(other.blame or role, other.text, told_by=role)
+                raise RunFailed(other.blame or role, other.text, reported_by=role)
 
     def _check_compatibility(self, now: float) -> None:
         """Leave where a publisher or subscription of an external node can never connect."""
@@ -470,7 +470,7 @@ class Membership:
         for role in self.required():
             status = self.status_of(role)
             if status is not None and status.phase in (Phase.FAILED, Phase.REFUSED):
-                raise RunFailed(status.blame or role, status.text, told_by=role)
+                raise RunFailed(status.blame or role, status.text, reported_by=role)
 
     def waited_for(self, role: str) -> str:
         """Return what the holder of ``role``, which still joins, is waiting for; else empty."""

@@ -182,7 +182,7 @@ def plant_of(status: Status) -> str:
     return status.extra.get(PLANT, '')
 
 
-class Board:
+class StatusBoard:
     """The statuses of all participants, as one node sees them."""
 
     def __init__(self, node: Node, role: str) -> None:

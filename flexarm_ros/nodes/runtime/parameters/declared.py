@@ -21,8 +21,7 @@ command line sets with ``-p`` overrides them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from collections.abc import Mapping as Map
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -103,7 +102,7 @@ def declare_and_load(node: Node, role: str, argv: list[str]) -> RunConfig:
 
 
 def declare_own(
-    node: Node, role: str, parameters: Map[str, Own], argv: list[str], flies: bool = True
+    node: Node, role: str, parameters: Mapping[str, Own], argv: list[str], flies: bool = True
 ) -> dict[str, Any]:
     """
     Declare what only this node has, and no scenario, and return the values.

@@ -27,7 +27,7 @@ _OWN_LIMIT_S = 14.0
 
 
 @contextmanager
-def leaving(status: int = 1) -> Iterator[None]:
+def shutdown_limit(status: int = 1) -> Iterator[None]:
     """
     Give what is done here 14 s, then end this process with ``status``.
 
