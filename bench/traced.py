@@ -37,7 +37,8 @@ from flexarm_ros.core.arm.plant_eq14 import Eq14Plant
 from flexarm_ros.core.sensing import sensors
 from flexarm_ros.core.trajectory import Reference
 from flexarm_ros.nodes import process
-from flexarm_ros.nodes.runtime import participant
+from flexarm_ros.nodes.runtime import ending, participant
+from flexarm_ros.nodes.runtime.member import Member
 from flexarm_ros.nodes.runtime.topics import channels, endpoints
 
 PARTS: dict[str, int] = {}
@@ -75,7 +76,7 @@ class Meter:
         if not self._start:
             self._start, self._parts = self._now(), dict(PARTS)
 
-    def end(self, node: participant.Participant) -> None:
+    def end(self, node: Member) -> None:
         """Write what has been used since the start; the last node's word stands."""
         wall, cpu, thread = (b - a for a, b in zip(self._start, self._now(), strict=True))
         parts = {part: (ns - self._parts[part]) * 1e-9 for part, ns in PARTS.items()}
@@ -85,7 +86,7 @@ class Meter:
 
 def hook(meter: Meter, role: str) -> None:
     """Let every participant of this process tell the meter when it begins and ends."""
-    drive, finish = participant.Participant.drive, participant.Participant.finish
+    drive, finish = participant.Participant.drive, ending.Ending.finish
     moves = 2 if role == 'trajectory' else 1  # its first move comes before tick 0
 
     def driven(self: participant.Participant) -> bool:
@@ -97,13 +98,13 @@ def hook(meter: Meter, role: str) -> None:
             participant.Participant.drive = drive  # type: ignore[method-assign]
         return moved
 
-    def finishing(self: participant.Participant) -> None:
-        if self.ROLE in (role, 'plant'):
-            meter.end(self)
+    def finishing(self: ending.Ending) -> None:
+        if self._me.ROLE in (role, 'plant'):
+            meter.end(self._me)
         finish(self)
 
     participant.Participant.drive = driven  # type: ignore[method-assign]
-    participant.Participant.finish = finishing  # type: ignore[method-assign]
+    ending.Ending.finish = finishing  # type: ignore[method-assign]
 
 
 def wrap() -> None:

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import copy
-import time
 from typing import Any, ClassVar
 
 from flexarm_ros.core.arm.plant import instability
@@ -90,7 +89,7 @@ class PlantNode(Participant):
                 go_on = how_to_go_on(self.get_fully_qualified_name())
                 self.get_logger().info(f'paused before tick 0; to begin: {go_on}')
         else:
-            self.check_patience(now)
+            self.waiting.check_ready(now)
 
     def advance(self) -> bool:
         """Integrate with the torque that answers the last state, then publish the next one."""
@@ -103,7 +102,7 @@ class PlantNode(Participant):
             self._sent = False
             if self.tick + 1 >= self.timeline.ticks:
                 self.tick += 1
-                self.finish()
+                self.ending.finish()
                 return False
             if not self._integrate(self._command.values):
                 return False
@@ -130,7 +129,7 @@ class PlantNode(Participant):
         last = self.timeline.ticks - 1
         if self.tick > last:
             if self._command.tick >= last:
-                self.finish()
+                self.ending.finish()
             return False
         if self._held():
             return False
@@ -171,7 +170,7 @@ class PlantNode(Participant):
             self._reported_hold = True
             self.released = False
             self.supervisor.report(self.ROLE, phase='held', tick=self.tick)
-        self._moved = time.monotonic()
+        self.waiting.restart()
         if not self.released:
             return True
         self._reported_hold = False
@@ -187,7 +186,7 @@ class PlantNode(Participant):
         """Do what the services have asked for since the last look."""
         if not self.finished and self.under_way:
             if self.control.reset_wanted:
-                self.begin_epoch()
+                self.phases.begin_epoch()
                 self.control.reset_wanted = False
             elif self.control.paused != (self.board.mine.phase is Phase.PAUSED):
                 self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
@@ -230,7 +229,7 @@ class PlantNode(Participant):
         self.last_tick = tick
         self.finished = True
         self.change_phase(Phase.DONE, text=why, last_tick=tick, extra=self.epochs.extra(**extra))
-        self.flush()
+        self.ending.flush()
         self.board.flush(1.0)
 
     def interrupt(self) -> None:

@@ -30,8 +30,9 @@ from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.classes import module_of, OWN
+from flexarm_ros.nodes.runtime.ending import describe
 from flexarm_ros.nodes.runtime.lockstep import spin
-from flexarm_ros.nodes.runtime.participant import describe, Participant
+from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.process.environment import (
     enforce_security,
     environment_domain,

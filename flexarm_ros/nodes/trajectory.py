@@ -78,7 +78,7 @@ class TrajectoryNode(Participant):
         if self.membership.all_ready(self.epochs.number):
             self.start()
         else:
-            self.check_patience(now - 1.0)  # the plant knows better
+            self.waiting.check_ready(now - 1.0)  # the plant knows better
 
     def retune(self, config: RunConfig) -> None:
         """Let the reference take the delay, from the first tick that is not published."""
@@ -100,7 +100,7 @@ class TrajectoryNode(Participant):
     def check_end(self) -> None:
         """Leave when the plant has: the last references are out long before the end."""
         if self.last_tick is not None:
-            self.finish()
+            self.ending.finish()
 
     def blocked_on(self) -> list[Any]:
         """Sleep until the plant has come some way."""

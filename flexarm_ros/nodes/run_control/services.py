@@ -32,7 +32,7 @@ import threading
 import time
 from typing import Any
 
-from flexarm_ros.nodes.runtime.member import Member
+from flexarm_ros.nodes.runtime.member import MemberNode
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
@@ -44,7 +44,7 @@ WAIT_S = 60.0
 class RunControl:
     """Requests of the services to the plant; `may_begin` is called before each tick."""
 
-    def __init__(self, plant: Member) -> None:
+    def __init__(self, plant: MemberNode) -> None:
         self._plant = plant
         self._lock = threading.Lock()
         self.paused = bool(plant.get_parameter('start_paused').value)

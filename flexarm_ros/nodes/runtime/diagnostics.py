@@ -29,7 +29,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.joining.membership import Membership
 from flexarm_ros.nodes.runtime.joining.status import Phase
-from flexarm_ros.nodes.runtime.member import Member
+from flexarm_ros.nodes.runtime.member import MemberNode
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
@@ -44,7 +44,7 @@ _BAD = (Phase.FAILED, Phase.REFUSED)
 class Diagnostics:
     """One participant's reports."""
 
-    def __init__(self, me: Member, membership: Membership) -> None:
+    def __init__(self, me: MemberNode, membership: Membership) -> None:
         self._me, self._membership = me, membership
         self._publisher = me.create_publisher(DiagnosticArray, TOPIC, 10)
         self._last = (time.monotonic(), 0)

@@ -45,7 +45,7 @@ from flexarm_ros.nodes.runtime.joining.status import (
     TOPIC,
     TYPE,
 )
-from flexarm_ros.nodes.runtime.member import Member
+from flexarm_ros.nodes.runtime.member import MemberNode
 from flexarm_ros.nodes.runtime.process.middleware import gid_prefix, name, source_of
 from flexarm_ros.nodes.runtime.process.supervisor import interrupted
 from flexarm_ros.nodes.runtime.topics.graph import OUTPUT, read_by
@@ -78,7 +78,7 @@ _BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 class Membership:
     """What one participant knows of its run's members."""
 
-    def __init__(self, me: Member, board: StatusBoard) -> None:
+    def __init__(self, me: MemberNode, board: StatusBoard) -> None:
         self._me = me
         self._board = board
         self.config: RunConfig = me.config
@@ -465,7 +465,7 @@ class Membership:
                 late.append(role)
         return late
 
-    def watch(self, now: float) -> None:
+    def watch(self) -> None:
         """Raise RunFailed where a peer has failed."""
         for role in self.required():
             status = self.status_of(role)

@@ -32,7 +32,7 @@ from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, keys, RunConfig, SECTIONS, values_of
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.membership import Membership
-from flexarm_ros.nodes.runtime.member import Member
+from flexarm_ros.nodes.runtime.member import MemberNode
 from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import qos_profile
 from flexarm_ros.wire import parameter_event as changes
@@ -47,7 +47,7 @@ _TOLD_S = 2.0
 class LiveParameters:
     """The live parameters of one participant; ``waiting`` has those to be set at its next tick."""
 
-    def __init__(self, me: Member, membership: Membership) -> None:
+    def __init__(self, me: MemberNode, membership: Membership) -> None:
         self._me, self._membership = me, membership
         here = values_of(me.config, me.ROLE) if me.ROLE in SECTIONS else {}
         self._keys = {key for key in here if keys(me.ROLE)[key][1].live}
@@ -143,7 +143,7 @@ class LiveParameters:
 class ChangesInput:
     """What the recorder is told of parameters that change."""
 
-    def __init__(self, me: Member, membership: Membership) -> None:
+    def __init__(self, me: MemberNode, membership: Membership) -> None:
         self._me, self._membership = me, membership
         self._subscription = me.create_subscription(
             ParameterEvent, changes.TOPIC, lambda _: None, qos_profile(changes.QOS),
