@@ -28,14 +28,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
+from typing import Any
 
 from flexarm_ros.core.arm.kinematics import jacobian
-from flexarm_ros.core.control import gain_of, LAWS, PLANNING
+from flexarm_ros.core.control import gain_of, Law, LAWS
+from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
+from flexarm_ros.core.control.pd import FlsLaw, PdLaw
+from flexarm_ros.core.control.planned import InverseLaw, PassiveLaw
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
 from flexarm_ros.stability.modes import LinearArm
-from flexarm_ros.stability.planned import planned_law
+from flexarm_ros.stability.planned import inverse_form, lqg_form, passive_form
 import numpy as np
 
 
@@ -44,25 +48,44 @@ def linear_law(config: RunConfig, arm: LinearArm, time: float | None = None) -> 
     Return the law of ``config`` about rest at ``arm``'s pose.
 
     ``time``, s: when the trajectory has the pose, for time-varying laws; default the last time
-    at which the plan's elbow angle is nearest.  A law of another module takes part with a class
-    method ``linear_form(config, arm) -> LinearLaw``.
+    at which the plan's elbow angle is nearest.  A law that is not in `FORMS` takes part with a
+    class method ``linear_form(config, arm) -> LinearLaw``.
 
     Raises NoLinearFormError for a law without one.
     """
     name = config.controller.law
-    if name == 'pd':
-        return LinearLaw.static(_jacobian_law(config, arm))
-    if name == 'fls':
-        gain = config.controller.ks * gain_of(config, 0.0, 0.0)
-        return LinearLaw.static(_jacobian_law(config, arm)).scaled(gain)
-    if name in PLANNING:
-        return planned_law(config, arm, time)
-    form: Callable[[RunConfig, LinearArm], LinearLaw] | None
-    form = getattr(LAWS[name], 'linear_form', None)
-    if form is None:
+    law: Any = LAWS[name]
+    if law in FORMS:
+        return FORMS[law](config, arm, time)
+    if not hasattr(law, 'linear_form'):
         raise NoLinearFormError(f'controller.law: {name} has no linear form, no loop to analyse')
-    law: LinearLaw = form(config, arm)
-    return law
+    found: LinearLaw = law.linear_form(config, arm)
+    return found
+
+
+def _pd_form(config: RunConfig, arm: LinearArm, _time: float | None) -> LinearLaw:
+    return LinearLaw.static(_jacobian_law(config, arm))
+
+
+def _fls_form(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
+    gain = config.controller.ks * gain_of(config, 0.0, 0.0)
+    return _pd_form(config, arm, time).scaled(gain)
+
+
+FORMS: dict[type[Law], Callable[[RunConfig, LinearArm, float | None], LinearLaw]] = {
+    PdLaw: _pd_form,
+    FlsLaw: _fls_form,
+    InverseLaw: inverse_form,
+    PassiveLaw: passive_form,
+    LqgLaw: lqg_form,
+    AdaptiveLaw: lqg_form,
+}
+"""
+Class of a law -> its linear form, for the laws of this package.
+
+They are here rather than in the classes because no number of a run depends on them: the digest of
+the source covers `core`, not `stability`.  A subclass is not its base: it has a form of its own.
+"""
 
 
 def _jacobian_law(config: RunConfig, arm: LinearArm) -> FloatArray:

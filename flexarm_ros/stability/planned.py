@@ -46,20 +46,19 @@ _NEAR = 0.02
 """Difference of elbow angles that count as equal, rad."""
 
 
-def planned_law(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
-    """Return the law of ``config``, one of ``PLANNING``, with the gains of ``time``, s."""
-    law = config.controller.law
-    if law == 'inverse':
-        return LinearLaw.static(_joints(config, arm))
+def inverse_form(config: RunConfig, arm: LinearArm, _time: float | None) -> LinearLaw:
+    """Return `InverseLaw` about rest."""
+    return LinearLaw.static(_joints(config, arm))
+
+
+def _check_rate(config: RunConfig) -> None:
+    """Raise NoLinearFormError if the tip sensor holds samples."""
     if latency_of(config).every > 1:
         raise NoLinearFormError(
-            f'tip_sensor.rate: {config.tip_sensor.rate:g} Hz, law {law} reads a sample that is '
-            'held otherwise than a new one, so that no matrix is that of each tick; allowed here: '
-            '0 (every tick)'
+            f'tip_sensor.rate: {config.tip_sensor.rate:g} Hz, law {config.controller.law} treats '
+            'a held sample differently from a new one, so that no single matrix describes every '
+            'tick; allowed here: 0 (every tick)'
         )
-    if law == 'passive':
-        return _passive(config, arm)
-    return _lqg(config, arm, time)
 
 
 def _encoder(arm: LinearArm) -> int:
@@ -83,8 +82,14 @@ def _delayed(latency: Latency) -> FloatArray:
     return weights
 
 
-def _passive(config: RunConfig, arm: LinearArm) -> LinearLaw:
-    """State: the expected measurements of the last whole + 1 ticks, newest first, and c."""
+def passive_form(config: RunConfig, arm: LinearArm, _time: float | None) -> LinearLaw:
+    """
+    Return `PassiveLaw` about rest.
+
+    State: the expected measurements of the last whole + 1 ticks, newest first, and c.
+    Raises NoLinearFormError if the tip sensor holds samples.
+    """
+    _check_rate(config)
     control, at = config.controller, _encoder(arm)
     first = config.plant.length[0]
     along = (first, max(config.tip_sensor.location - first, 0.0))
@@ -118,8 +123,14 @@ def _lead(config: RunConfig, arm: LinearArm) -> FloatArray:
     return np.asarray(np.array(columns).T)
 
 
-def _lqg(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
-    """State: the filter's x and chain, v, I.  The equations are those of one tick of the law."""
+def lqg_form(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
+    """
+    Return `LqgLaw` or `AdaptiveLaw` about rest, with the gains of ``time``, s.
+
+    State: the filter's x and chain, v, I.  The equations are those of one tick of the law.
+    Raises NoLinearFormError if the tip sensor holds samples.
+    """
+    _check_rate(config)
     latency, period = latency_of(config), Timeline.of(config.run).period
     believed = linearise(RunConfig(run=config.run, plant=model_of(config)), arm.theta2, arm.theta1)
     plan, at = plan_for(config), _encoder(arm)

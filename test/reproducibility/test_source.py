@@ -90,7 +90,7 @@ def undefined_calls(node: ast.Call) -> Iterator[str]:
 
 @pytest.mark.parametrize('path', modules(), ids=lambda p: p.relative_to(PACKAGE).as_posix())
 def test_only_operations_with_defined_bits(path: Path) -> None:
-    """Use flexarm_ros.core.numerics.elementary and small_linalg instead of what is named here."""
+    """Use flexarm_ros.core.numerics.elementary and linalg instead of what is named here."""
     assert sorted(set(undefined(path.read_text('utf-8')))) == []
 
 

@@ -43,7 +43,7 @@ phi_i(1) > 0, so that an exact cantilever mode has phi_i(1) = 1 and its
 coordinate is its share of the end deflection in metres.
 
 The arithmetic is that of :mod:`flexarm_ros.core.numerics.elementary` and
-:mod:`flexarm_ros.core.numerics.small_linalg`, so that all processes get the same bits.
+:mod:`flexarm_ros.core.numerics.linalg`, so that all processes get the same bits.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ import math
 
 from flexarm_ros.core.arm.beam import beam_mode, beam_shape, clamped_free_mode
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.numerics.small_linalg import (
+from flexarm_ros.core.numerics.linalg import (
     inverse_factor,
     product,
     symmetric_eigen,

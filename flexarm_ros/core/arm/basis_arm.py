@@ -42,7 +42,7 @@ from flexarm_ros.core.arm.basis import Basis, identity, orthogonal_basis
 from flexarm_ros.core.arm.basis_integrals import linear_integrals
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.numerics.elementary import sincos
-from flexarm_ros.core.numerics.small_linalg import product, symmetric_eigen, weighted_gram
+from flexarm_ros.core.numerics.linalg import product, symmetric_eigen, weighted_gram
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.arm.basis import Basis, composite_rule, gauss5, PANELS
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.numerics.small_linalg import product, weighted_gram
+from flexarm_ros.core.numerics.linalg import product, weighted_gram
 import numpy as np
 
 

@@ -38,8 +38,7 @@ from flexarm_ros.core.arm.beam import ClampedFreeModes
 from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import sincos
-from flexarm_ros.core.numerics.linear import solve_symmetric
-from flexarm_ros.core.numerics.small_linalg import largest_rate
+from flexarm_ros.core.numerics.linalg import largest_rate, solve_symmetric
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline

@@ -23,7 +23,7 @@ from typing import Any
 from flexarm_ros.core.arm.beam import clamped_free_root
 from flexarm_ros.core.arm.plant import instability, Plant, STABLE_PHASE
 from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
-from flexarm_ros.core.numerics.linear import solve_symmetric
+from flexarm_ros.core.numerics.linalg import solve_symmetric
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
 from flexarm_ros.core.run.make_plant import highest_frequency, make_plant
 import numpy as np

@@ -29,7 +29,7 @@ from flexarm_ros.core.arm.full.dynamics import (
 from flexarm_ros.core.arm.full.model import DAMPING, make_constants, STIFFNESS
 from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.numerics.small_linalg import largest_rate
+from flexarm_ros.core.numerics.linalg import largest_rate
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline

@@ -28,7 +28,7 @@ from flexarm_ros.core.arm.full.dynamics import acceleration, Work
 from flexarm_ros.core.arm.full.model import Constants
 from flexarm_ros.core.arm.kinematics import elastic_point
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
-from flexarm_ros.core.numerics.matrix import multiply
+from flexarm_ros.core.numerics.linalg import multiply
 import numpy as np
 
 _TAYLOR = 10

@@ -43,7 +43,7 @@ from flexarm_ros.core.control.design.model import (
     point_jacobian,
 )
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
-from flexarm_ros.core.numerics.matrix import (
+from flexarm_ros.core.numerics.linalg import (
     add_outer,
     gains_of_two,
     multiply,

@@ -41,7 +41,7 @@ from flexarm_ros.core.control.design.model import (
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
-from flexarm_ros.core.numerics.matrix import (
+from flexarm_ros.core.numerics.linalg import (
     add_outer,
     gains_of_two,
     multiply,
