@@ -46,6 +46,7 @@ import flexarm_ros.cli as cli
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario.sweeps import sweep as sweeps
 import pytest
+from sweeptools import die
 
 SWEEP = """
 # Latency and hub inertia, with one value that does not fit
@@ -178,14 +179,6 @@ def test_a_signal_leaves_the_rows_and_says_how_to_go_on(number: int, file: Path)
     assert '--out out` goes on' in errors
     assert 'Traceback' not in errors
     assert 2 <= len(table(Path('out'))) < COUNT // 2
-
-
-def die(tasks: Sequence[sweep_worker.Task]) -> list[sweep_worker.Row]:
-    """Stand in for a run that kills its process."""
-    for task in tasks:
-        if task[0] == 3:
-            os.kill(os.getpid(), signal.SIGKILL)
-    return sweep_worker.run_tasks(tasks)
 
 
 def broken(bases: Sequence[RunConfig], task: sweep_worker.Task) -> None:
