@@ -45,7 +45,7 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.sensing.sensors import ticks_per_sample
 from flexarm_ros.core.signals import LINKS
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
-from flexarm_ros.wire import generic_decode as foreign
+from flexarm_ros.wire import generic_decode
 from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.cdr import IntArray
 from flexarm_ros.wire.topics import (
@@ -212,7 +212,7 @@ class _Survey:
         names: Sequence[str] = ()
         if self._state:
             with contextlib.suppress(ValueError):
-                names = foreign.message(topics_of(1)[STATE].type_name, self._state).name
+                names = generic_decode.message(topics_of(1)[STATE].type_name, self._state).name
         modes = sum(name.startswith(f'{LINKS[0]}_mode') for name in names)
         further = max(last - COMMAND, 0)
         return topics_of(modes or 1, further, clock_every=self._clock_every(period_ns))

@@ -122,13 +122,13 @@ def summary_of(
         'complete': finished or unstable is not None,
         'stable': False if unstable else True if finished else None,
         'unstable_tick': unstable[0] if unstable else None,
-        'external': list(provenance.foreign),
+        'external': list(provenance.external),
         'problem': problem or (f'unstable: {unstable[1]}' if unstable else ''),
         **metrics,
         'wall_s': wall_s,
         'rtf': simulated / wall_s if wall_s else None,
         'versions': {**provenance.versions, **_ros_versions(), 'commit': provenance.commit},
-        'scenario': scenario.to_dict(bag_config(config), provenance.foreign),
+        'scenario': scenario.to_dict(bag_config(config), provenance.external),
         **({'changes': [c._asdict() for c in config.changes]} if config.changes else {}),
     }
 

@@ -48,7 +48,7 @@ class Provenance:
     """
     ``name`` of the scenario, ``versions`` of packages, ``commit`` and ``digest`` of the code.
 
-    ``foreign`` names the roles of external nodes.
+    ``external`` names the roles of external nodes.
     ``digest`` is the SHA-256 of the source of core and wire, which detects changed code even
     if the commit is the same or unknown.
     """
@@ -57,26 +57,28 @@ class Provenance:
     versions: dict[str, str] = field(default_factory=dict)
     commit: str = UNKNOWN
     digest: str = UNKNOWN
-    foreign: tuple[str, ...] = ()
+    external: tuple[str, ...] = ()
 
     @classmethod
-    def here(cls, name: str = '', foreign: Iterable[str] = ()) -> Provenance:
+    def here(cls, name: str = '', external: Iterable[str] = ()) -> Provenance:
         """Return the provenance of this process."""
-        return cls(name, dict(_versions()), _commit(), _digest(), tuple(sorted(foreign)))
+        return cls(name, dict(_versions()), _commit(), _digest(), tuple(sorted(external)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return a JSON-compatible dict."""
-        return asdict(self)
+        data = asdict(self)
+        data['foreign'] = data.pop('external')  # its key in bags
+        return data
 
     @classmethod
     def from_dict(cls, data: Any) -> Provenance:
         """Undo `to_dict`; TypeError or ValueError if ``data`` is invalid."""
         name, versions = data['name'], data['versions']
-        foreign = tuple(data['foreign'])
-        texts = [name, data['commit'], data['digest'], *foreign, *versions, *versions.values()]
+        external = tuple(data['foreign'])
+        texts = [name, data['commit'], data['digest'], *external, *versions, *versions.values()]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError('not a text')
-        return cls(name, dict(versions), data['commit'], data['digest'], foreign)
+        return cls(name, dict(versions), data['commit'], data['digest'], external)
 
     def differences(self, other: Provenance) -> list[str]:
         """Return the differences from ``other`` that may change numbers, one text each."""

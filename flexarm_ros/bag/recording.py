@@ -54,15 +54,15 @@ class Recording:
     """
     A bag in a run's output directory, as filled by the recorder node.
 
-    ``foreign`` names the roles of external nodes.  Raises BagError if the directory cannot be
+    ``external`` names the roles of external nodes.  Raises BagError if the directory cannot be
     created or holds a bag already.
     """
 
     def __init__(
-        self, config: RunConfig, directory: Path, name: str = '', foreign: Iterable[str] = ()
+        self, config: RunConfig, directory: Path, name: str = '', external: Iterable[str] = ()
     ) -> None:
         self.directory = directory
-        self._writer = BagWriter(directory / BAG, config, Provenance.here(name, foreign))
+        self._writer = BagWriter(directory / BAG, config, Provenance.here(name, external))
         self.write = self._writer.write
         self.write_ticks = self._writer.write_ticks
         self.write_change = self._writer.write_change
@@ -131,9 +131,9 @@ def finish_run(
     try:
         _mend_bag(directory, config, provenance, work)
         reader = BagReader(directory)
-        provenance = replace(provenance, foreign=reader.provenance.foreign)
+        provenance = replace(provenance, external=reader.provenance.external)
         config = replace(config, changes=reader.config.changes)
-        metrics = write_trajectory(directory, config, reader.blocks(), provenance.foreign)
+        metrics = write_trajectory(directory, config, reader.blocks(), provenance.external)
     except BagError as error:
         problem = problem or str(error)
     summary = summary_of(config, metrics, provenance, wall_s, unstable, problem)

@@ -57,11 +57,11 @@ class NodeProcesses(RunWatch):
         commands: Mapping[str, Sequence[str]],
         env: dict[str, str],
         logs: Path,
-        foreign: Mapping[str, Sequence[str]] = MappingProxyType({}),
+        external: Mapping[str, Sequence[str]] = MappingProxyType({}),
         scenario: str = '',
         compile_here: Callable[[], None] = lambda: None,
     ) -> None:
-        super().__init__(logs, foreign)
+        super().__init__(logs, external)
         self._shared_memory = SharedMemoryCleanup()
         self._noted_at = 0.0
         environment = {**env, **self.environment}
@@ -83,8 +83,8 @@ class NodeProcesses(RunWatch):
                             stdout=log, stderr=subprocess.STDOUT, pass_fds=self.inherited,
                             start_new_session=True,
                         )  # fmt: skip
-            for name, command in foreign.items():
-                self.running[name] = _start_foreign(command, env, logs / f'{name}.log')
+            for name, command in external.items():
+                self.running[name] = _start_external(command, env, logs / f'{name}.log')
         except BaseException:
             self.kill()
             raise
@@ -117,7 +117,7 @@ class NodeProcesses(RunWatch):
     @property
     def ours(self) -> list[str]:
         """Names of the running nodes that are not external: these end by themselves."""
-        return [name for name in self.running if name not in self.foreign]
+        return [name for name in self.running if name not in self.external]
 
     @property
     def busy(self) -> list[str]:
@@ -221,7 +221,7 @@ def _fork(
             raise
 
 
-def _start_foreign(
+def _start_external(
     command: Sequence[str], env: Mapping[str, str], log_file: Path
 ) -> subprocess.Popen[bytes]:
     """Start an external node, in the user's directory and with the user's Python path."""

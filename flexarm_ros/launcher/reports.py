@@ -77,12 +77,12 @@ class RunWatch:
 
     The environment of a node names its ends: as inherited descriptors (``environment``,
     ``inherited``), or as paths (``environment_by_path``) if the launcher passes none on.
-    ``logs`` has the output of each node as NAME.log; ``foreign`` names the external nodes.
+    ``logs`` has the output of each node as NAME.log; ``external`` names the external nodes.
     """
 
-    def __init__(self, logs: Path, foreign: Iterable[str] = ()) -> None:
+    def __init__(self, logs: Path, external: Iterable[str] = ()) -> None:
         self.report = Report()
-        self.foreign = frozenset(foreign)
+        self.external = frozenset(external)
         self.deaths: list[tuple[str, int]] = []
         self._verdict = ''
         self._logs = logs
@@ -145,7 +145,7 @@ class RunWatch:
     def forgive(self) -> None:
         """Forget exits of external nodes after the last tick: they need not wait for the end."""
         if 'plant' in self.report.done and not self.ending:
-            self.deaths = [death for death in self.deaths if death[0] not in self.foreign]
+            self.deaths = [death for death in self.deaths if death[0] not in self.external]
 
     @property
     def failing(self) -> bool:

@@ -72,7 +72,7 @@ class RecorderNode(Participant):
             if self._recording is None and not self.supervisor.present:
                 prepare_directory(directory, self.config, self._name)
             self._recording = Recording(
-                self.config, directory, self._name, sorted(self.membership.foreign)
+                self.config, directory, self._name, sorted(self.membership.external)
             )
         except (OSError, BagError) as error:
             raise RunFailed('recorder', f'start: {error}') from None

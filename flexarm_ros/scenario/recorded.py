@@ -69,15 +69,15 @@ def from_recorded(
         if not unknown:
             raise
     law = values.get(_LAW)
-    foreign_law = law.value if isinstance(law, Scalar) and _not_a_choice(*_LAW, law) else None
-    if foreign_law is not None:
+    external_law = law.value if isinstance(law, Scalar) and _not_a_choice(*_LAW, law) else None
+    if external_law is not None:
         del values[_LAW]
     try:
         config = build(values, torques=check_torques(rows))
     except ScenarioError as error:
         raise ScenarioError(f'{name}: {error}') from None
-    if isinstance(foreign_law, str):
-        config = replace(config, controller=replace(config.controller, law=foreign_law))
+    if isinstance(external_law, str):
+        config = replace(config, controller=replace(config.controller, law=external_law))
     return Recorded(config, unknown)
 
 

@@ -176,9 +176,9 @@ class Codec:
         try:
             return self.decode(data)
         except ValueError:
-            from flexarm_ros.wire import generic_decode as foreign
+            from flexarm_ros.wire import generic_decode
 
-            return foreign.values(self.type_name, data, self.fields)
+            return generic_decode.values(self.type_name, data, self.fields)
 
     def encode_block(self, stamps: IntArray, values: FloatArray) -> ByteArray:
         """

@@ -75,7 +75,7 @@ class Peers:
 
     config: Any
     held: dict[str, Status] = field(default_factory=dict)
-    foreign: set[str] = field(default_factory=set)
+    external: set[str] = field(default_factory=set)
     deaf: dict[str, None] = field(default_factory=dict)
     joined = matching = True
     built = refused = locked = False

@@ -44,7 +44,7 @@ def read_bag(
     ``None``.  Raises ``BagError`` if ``path`` leads to no bag of a run.
     """
     reader = open_run(path, given, namespace)
-    metrics = Metrics(reader.config, reader.provenance.foreign) if reader.has_scenario else None
+    metrics = Metrics(reader.config, reader.provenance.external) if reader.has_scenario else None
     parts: list[FloatArray] = []
     found = trajectory(reader)
     while block := list(islice(found, BLOCK)):

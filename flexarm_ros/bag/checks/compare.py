@@ -242,8 +242,8 @@ def _accumulate(
 def _external(readers: Mapping[str, BagReader]) -> Iterator[str]:
     """Yield a note on the external nodes of each run."""
     for name, reader in readers.items():
-        if reader.provenance.foreign:
-            yield f'external nodes in {name}: {", ".join(reader.provenance.foreign)}'
+        if reader.provenance.external:
+            yield f'external nodes in {name}: {", ".join(reader.provenance.external)}'
 
 
 def _parameters(reader_a: BagReader, reader_b: BagReader) -> Iterator[str]:
@@ -251,7 +251,7 @@ def _parameters(reader_a: BagReader, reader_b: BagReader) -> Iterator[str]:
     if not (reader_a.has_scenario and reader_b.has_scenario):
         return
     a, b = reader_a.config, reader_b.config
-    external = {*reader_a.provenance.foreign, *reader_b.provenance.foreign}
+    external = {*reader_a.provenance.external, *reader_b.provenance.external}
     dict_a, dict_b = scenario.to_dict(a, external), scenario.to_dict(b, external)
     for section, keys in dict_a.items():
         for key, value in keys.items():

@@ -145,7 +145,7 @@ class _MessageComparison:
         try:
             codec.decode(data)
         except ValueError:
-            return '', '', ''  # a foreign node's layout, the same content
+            return '', '', ''  # an external node's layout, the same content
         return PADDING, 'other bytes', 'zeros'
 
 
@@ -307,14 +307,14 @@ class _Missing:
 
 def verify(
     run: str | os.PathLike[str],
-    foreign: Sequence[str] = (),
+    external: Sequence[str] = (),
     given: RunConfig | None = None,
     namespace: str | None = None,
 ) -> Verdict:
     """
     Recompute the run of a bag and compare every recorded message.
 
-    ``foreign`` names the roles of external nodes (in addition to those named in the bag):
+    ``external`` names the roles of external nodes (in addition to those named in the bag):
     their output is taken as recorded, and the closed loop is not computed.  ``given`` is the
     scenario of a bag that has none, ``namespace`` as for `BagReader`.  Raises BagError if RUN
     cannot be read or has no scenario.
@@ -322,7 +322,7 @@ def verify(
     reader = BagReader(run, given, namespace)
     verdict = Verdict(planned=reader.timeline.ticks)
     unknown = frozenset(reader.unknown) - {RECORDER}
-    outside = frozenset(foreign) | frozenset(reader.provenance.foreign)
+    outside = frozenset(external) | frozenset(reader.provenance.external)
     skip = outside | unknown
     if outside:
         verdict.notes.append(

@@ -88,7 +88,7 @@ class Rescue:
     The result of a recovery.
 
     ``kept`` messages are in the new bag, ``complete`` of ``planned`` ticks.  ``dropped`` counts
-    messages that cannot be placed; separately, ``foreign`` counts messages on topics that the
+    messages that cannot be placed; separately, ``unexpected`` counts messages on topics that the
     run does not have, ``repeated`` second messages of a topic at a tick, of which the first is
     kept.  ``damages`` lists the damage, one line each.  ``harmed``: the data section is
     damaged; ``ended``: its end is present; ``lost_front``: scenario or provenance are lost;
@@ -101,7 +101,7 @@ class Rescue:
     complete: int = 0
     planned: int = 0
     dropped: int = 0
-    foreign: int = 0
+    unexpected: int = 0
     repeated: int = 0
     harmed: bool = False
     ended: bool = False
@@ -350,12 +350,12 @@ def _rescue_run(
         except BagContentError as error:
             rescue.note(f'{str(error).removeprefix(f"{path}: ")}; our own order assumed')
     altering = {c.id for c in front.channels.values() if c.topic == changes.PATH}
-    foreign = front.channels.keys() - index.keys() - altering
+    unexpected = front.channels.keys() - index.keys() - altering
     seen = np.zeros((timeline.ticks, len(topics)), dtype=bool)
     with BagWriter(target, config, front_provenance(front)) as writer:
         for messages in portions:
-            ours = [message for message in messages if message.channel not in foreign]
-            rescue.foreign += len(messages) - len(ours)
+            ours = [message for message in messages if message.channel not in unexpected]
+            rescue.unexpected += len(messages) - len(ours)
             last = _rescue_messages(ours, writer, index, altering, timeline, seen, rescue)
             writer.end_tick(last - 1)
     rescue.complete = writer.complete_ticks

@@ -51,7 +51,7 @@ def trajectory(reader: BagReader) -> Iterator[TickRow]:
 
 
 def _own(reader: BagReader) -> Iterator[TickRow]:
-    rows = Rows(reader.config, reader.provenance.foreign)
+    rows = Rows(reader.config, reader.provenance.external)
     for block in reader.blocks():
         for tick, row in enumerate(block_rows(rows, block), block.first):
             yield TickRow(tick, row, True)

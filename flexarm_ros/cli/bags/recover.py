@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'{verdict}: {"; ".join(rescue.damages)}', file=sys.stderr)
         return rescue.status
     for count, noun, which in (
-        (rescue.foreign, 'message', 'on topics that the run does not have'),
+        (rescue.unexpected, 'message', 'on topics that the run does not have'),
         (rescue.repeated, 'second message', 'of a topic at a tick'),
         (rescue.dropped, 'message', 'with no place in the run'),
     ):

@@ -34,7 +34,7 @@ from flexarm_ros.wire.topics import COMMAND, per_tick_topics, Topic
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-_FOREIGN_GRACE_S = 1.0
+_EXTERNAL_GRACE_S = 1.0
 
 
 class ControllerSeat:
@@ -80,7 +80,7 @@ class ControllerSeat:
             if fault and UNKNOWN_NODE not in fault:
                 raise RunFailed('controller', fault)
             seen = (seen or time.monotonic()) if publishers and not held else 0.0
-            if seen and time.monotonic() - seen > _FOREIGN_GRACE_S:
+            if seen and time.monotonic() - seen > _EXTERNAL_GRACE_S:
                 break
             time.sleep(0.02)
         else:

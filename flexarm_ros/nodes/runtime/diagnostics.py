@@ -103,7 +103,7 @@ class Diagnostics:
         found = {}
         for role in membership.required():
             status = membership.status_of(role)
-            state = 'external' if role in membership.foreign else 'missing'
+            state = 'external' if role in membership.external else 'missing'
             if status is not None:
                 state = f'{status.phase.value} ({status.node})'
             found[f'participant {role}'] = state

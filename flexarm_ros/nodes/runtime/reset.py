@@ -46,7 +46,7 @@ class Epochs:
     def left_by_all(self) -> bool:
         """Whether every participant has left the epoch before this one."""
         for role in self._membership.required():
-            if role in self._membership.foreign:
+            if role in self._membership.external:
                 continue
             status = self._membership.status_of(role)
             if status is None or epoch_of(status) < self.number:

@@ -108,7 +108,7 @@ def test_an_external_node_does_not_hold_up_a_reset(running: FakeMember) -> None:
     for role in running.peers.required():
         running.peers.put(role, Phase.RESETTING, extra={EPOCH: '1'})
     del running.peers.held['controller']
-    running.peers.foreign.add('controller')
+    running.peers.external.add('controller')
     running.phases.poll(time.monotonic())
     assert running.board.mine.phase is Phase.RUNNING
 

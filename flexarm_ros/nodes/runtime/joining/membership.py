@@ -52,7 +52,7 @@ from flexarm_ros.nodes.runtime.topics.graph import OUTPUT, read_by
 from flexarm_ros.nodes.runtime.topics.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
 from rclpy.publisher import Publisher
 
-_FOREIGN_AFTER_S = 2.0
+_EXTERNAL_AFTER_S = 2.0
 """Seconds after which a publisher without a status counts as an external node."""
 _ECHO_S, _ECHO_LOOKS = 1.0, 50
 """Longest wait for this node's own status to come back: seconds, and looks at the least.
@@ -86,14 +86,14 @@ class Membership:
         self.refused = False
         self._since: float | None = None
         self._newcomers = -1
-        self._foreign_since: dict[str, float] = {}
+        self._external_since: dict[str, float] = {}
         self._silent_since: dict[bytes, float] = {}
         self._unmatched_since: float | None = None
         self._next_check = -math.inf
         self._fault_since: float | None = None
         self.deaf: dict[str, None] = {}
         """Subscriptions outside the run that cannot hear this node's publishers, and why not."""
-        self.foreign: set[str] = set()
+        self.external: set[str] = set()
         self._members: dict[str, str] = {}
         self._looks = 0
         self._judged: dict[tuple[str, bytes], tuple[float, bool | None]] = {}
@@ -131,7 +131,7 @@ class Membership:
         """
         status = self.status_of(role)
         if status is None:
-            return role in self.foreign
+            return role in self.external
         sender, length = sender_of(info), gid_prefix()
         if self._board.sender_info is SenderInfo.GID and length:
             return sender[:length] == self._board.source(status)
@@ -293,22 +293,22 @@ class Membership:
         """
         since = self._silent_since
         self._silent_since = {source: since.get(source, now) for source in self._board.silent()}
-        return any(now - first < _FOREIGN_AFTER_S for first in self._silent_since.values())
+        return any(now - first < _EXTERNAL_AFTER_S for first in self._silent_since.values())
 
     def _filled(self, role: str, now: float) -> bool:
-        """Whether one of ours, or after a while a foreign node, fills ``role``."""
+        """Whether a participant, or after 2 s an external node, fills ``role``."""
         ours = [s for s in self._board.of(role) if not s.phase.over]
         if ours:
-            self.foreign.discard(role)
+            self.external.discard(role)
             return True
         topic = OUTPUT.get(role)
         if topic is None or not self._listening(role, self._strangers(topic)):
-            self._foreign_since.pop(role, None)
+            self._external_since.pop(role, None)
             return False
-        since = self._foreign_since.setdefault(role, now)
-        if now - since < _FOREIGN_AFTER_S:
+        since = self._external_since.setdefault(role, now)
+        if now - since < _EXTERNAL_AFTER_S:
             return False
-        self.foreign.add(role)
+        self.external.add(role)
         return True
 
     def _listening(self, role: str, strangers: list[Any]) -> bool:
@@ -404,7 +404,7 @@ class Membership:
     def _input_matched(self, entry: Any) -> bool:
         endpoints = self._me.get_publishers_info_by_topic(entry.subscription.topic_name)
         strangers = self._strangers(entry.topic.name)
-        if entry.source in self.foreign:
+        if entry.source in self.external:
             mine = strangers
         else:
             status = self.status_of(entry.source)
@@ -421,7 +421,7 @@ class Membership:
         assert self._board.sender_info is not None
         # One that holds its samples says the same again.
         held = entry.source == 'tip_sensor' and self._me.config.tip_sensor.rate > 0.0
-        rising = entry.source in self.foreign and not held
+        rising = entry.source in self.external and not held
         entry.bind(mine[0], self._board.sender_info, rising)
         return True
 
@@ -430,7 +430,7 @@ class Membership:
         roles = [r for r in readers(topic) if r in self.required()]
         endpoints = self._me.get_subscriptions_info_by_topic(publisher.topic_name)
         for role in roles:
-            if role in self.foreign:
+            if role in self.external:
                 continue
             status = self.status_of(role)
             if status is None:
@@ -447,7 +447,7 @@ class Membership:
     def all_ready(self, epoch: int) -> bool:
         """Whether every peer of ours is connected and built (plant: tick 0 may go out)."""
         for role in self.required():
-            if role in self.foreign:
+            if role in self.external:
                 continue
             status = self.status_of(role)
             if status is None or status.phase in _ON_THE_WAY:
@@ -461,7 +461,7 @@ class Membership:
         late = []
         for role in self.required():
             status = self.status_of(role)
-            if role not in self.foreign and (status is None or status.phase in _ON_THE_WAY):
+            if role not in self.external and (status is None or status.phase in _ON_THE_WAY):
                 late.append(role)
         return late
 
