@@ -26,7 +26,10 @@ import tempfile
 
 from bench.launch import Cost, floor, LIMIT_S, MeasurementFailed, nodes
 from bench.table import markdown, Part, Ratio
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import roles
+
+ROLES = roles(RunConfig())
 
 TICKS = 4000
 ROUNDS = 5

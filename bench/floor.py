@@ -52,6 +52,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import UInt64
 
+CONFIG = scenario.load('fls_tip')
 _RECORDER_NAP_NS = 20_000_000
 _LIMIT_S = 60.0
 _SILENCE_S = 5.0
@@ -70,10 +71,10 @@ class Skeleton(Node):
         self.count: dict[str, int] = {}
         self.moved: Callable[[], None] = lambda: None
         self._endpoints: list[tuple[Callable[[], int], int]] = []
-        for topic in per_tick_topics(scenario.load('fls_tip')):
+        for topic in per_tick_topics(CONFIG):
             if topic.node == role:
                 self._add_output(topic, executor)
-            elif reads(role, topic):
+            elif reads(role, topic, CONFIG):
                 self._add_input(topic, executor)
         if role == 'plant':
             self.reached = self.create_publisher(UInt64, TICK_TOPIC, 1)
@@ -93,7 +94,9 @@ class Skeleton(Node):
         data = topic.codec.encode(1, *(0.5,) * len(topic.codec.fields))
         message = deserialize_message(data, kind) if executor else data
         self.publish[topic.name] = lambda: publisher.publish(message)
-        self._endpoints.append((publisher.get_subscription_count, len(readers(topic.name))))
+        self._endpoints.append(
+            (publisher.get_subscription_count, len(readers(topic.name, CONFIG)))
+        )
 
     def _add_input(self, topic: Topic, executor: bool) -> None:
         kind = message_class(topic.type_name)

@@ -29,10 +29,13 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import roles
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.fork import parent as forked
 from flexarm_ros.launcher.shm_cleanup import SharedMemoryCleanup
+
+ROLES = roles(RunConfig())
 
 PLAIN = 'FLEXARM_BENCH_PLAIN'
 """In the environment of `bench.traced`: nothing is to be timed but the whole."""

@@ -26,7 +26,7 @@ import asyncio
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.runs.launched import ARGUMENTS, LaunchedRun
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.run.parts import PARTS, roles
 from flexarm_ros.launcher.run import VERDICT_S
 from flexarm_ros.scenario import ScenarioError
 from launch import Action, LaunchDescription
@@ -92,17 +92,19 @@ def start_nodes(context):
         run = LaunchedRun(given, context.launch_configurations.get('ros_namespace', ''))
     except (ScenarioError, UsageError, BagError, OSError) as error:
         raise RuntimeError(str(error)) from None
+    ours = {part.NAME for part in PARTS}
     nodes = {
         role: Node(
             package='flexarm_ros',
-            executable=role,
+            executable=role if role in ours else 'node',
+            arguments=[] if role in ours else [role],
             name=role,
             namespace=given['namespace'],
             ros_arguments=run.ros_arguments(role),
             additional_env=run.nodes.environment_by_path,
             output='screen',
         )
-        for role in ROLES
+        for role in roles(run.config)
     }
     return [*nodes.values(), Watch(run, nodes)]
 

@@ -25,6 +25,7 @@ import hypothesis
 from leftovers import expect_no_leftovers, MARK, SESSION
 import pytest
 from repository import STANDIN
+from strangertools import registry, site, stranger  # noqa: F401 - fixtures
 
 # What messages tell of their publisher on other middlewares; does nothing unless it is asked to:
 # ``FLEXARM_TEST_MESSAGE_INFO=none pytest -m nodes``, for one.

@@ -34,7 +34,7 @@ from flexarm_ros.analysis.spawning import spawn_context
 from flexarm_ros.analysis.sweep.worker import start_worker
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario import ScenarioError, with_values
-from flexarm_ros.scenario.plugins import find_laws_of
+from flexarm_ros.scenario.plugins import find_plugins_of
 from flexarm_ros.scenario.sweeps.axes import numbers_in, Parameter
 from flexarm_ros.scenario.sweeps.sweep import Sweep
 from flexarm_ros.stability.margins import poses_along, ROUNDING
@@ -183,7 +183,7 @@ def growth_rates(config: RunConfig) -> Rates:
 
 
 def _rates_or_note(config: RunConfig) -> Rates | str:
-    find_laws_of(config)
+    find_plugins_of(config)
     try:
         return growth_rates(config)
     except ValueError as error:
@@ -193,7 +193,7 @@ def _rates_or_note(config: RunConfig) -> Rates | str:
 def _crossing(job: tuple[RunConfig, tuple[str, ...], str, str, int]) -> float:
     """Return where stability changes between two values of some parameters, as a fraction."""
     config, names, first, second, which = job
-    find_laws_of(config)
+    find_plugins_of(config)
     low, high, unstable = 0.0, 1.0, growth_rates(config)[which] > 0.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

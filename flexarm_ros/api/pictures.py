@@ -25,7 +25,6 @@ from typing import Any, Protocol, TYPE_CHECKING
 from flexarm_ros.analysis.figures import style as figures_style
 from flexarm_ros.analysis.report import runs as read
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.run.trajectory_rows import COLUMNS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -137,7 +136,10 @@ def _as_read(runs: RunData | Sequence[RunData]) -> list[read.ReportedRun]:
     return [
         read.ReportedRun(
             run.directory or Path(run.name),
-            {name: read.without_extremes(run.trajectory[name]) for name in COLUMNS},
+            {
+                name: read.without_extremes(run.trajectory[name])
+                for name in run.trajectory.dtype.names or ()
+            },
             run.summary,
             run.scenario,
         )

@@ -25,7 +25,7 @@ from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.run.trajectory_rows import COLUMNS, Row
+from flexarm_ros.core.run.trajectory_rows import Row
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,8 +73,8 @@ Table = NDArray[np.void]
 
 
 def unit_of(column: str) -> str:
-    """Return the unit of a column."""
-    return UNITS.get(column, 'm')
+    """Return the unit of a column; empty for one of an optional part."""
+    return UNITS.get(column, 'm' if column in MEANINGS else '')
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -114,18 +114,23 @@ class Run:
         scenario: Mapping[str, Mapping[str, Any]] = self.summary['scenario']
         return scenario
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Return the names of the columns: those of every run, then those of optional parts."""
+        return tuple(self.trajectory.dtype.names or ())
+
     def to_numpy(self) -> FloatArray:
-        """Return the rows as floats, shape ``(ticks, 20)``, columns as in ``COLUMNS``."""
-        return np.stack([self.trajectory[name] for name in COLUMNS], axis=-1)
+        """Return the rows as floats, shape ``(ticks, columns)``, in the order of `columns`."""
+        return np.stack([self.trajectory[name] for name in self.columns], axis=-1)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the rows as a DataFrame indexed by the time ``t``, s (needs pandas)."""
         with extra('pandas'):
             import pandas
 
-        frame = pandas.DataFrame({name: self.trajectory[name] for name in COLUMNS[1:]})
+        frame = pandas.DataFrame({name: self.trajectory[name] for name in self.columns[1:]})
         frame.index = pandas.Index(self.trajectory['t'], name='t')
-        frame.attrs = {'name': self.name, 'units': {name: unit_of(name) for name in COLUMNS}}
+        frame.attrs = {'name': self.name, 'units': {name: unit_of(name) for name in self.columns}}
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
@@ -134,11 +139,11 @@ class Run:
             import xarray
 
         def described(name: str) -> tuple[str, FloatArray, dict[str, str]]:
-            notes = {'units': unit_of(name), 'long_name': MEANINGS[name]}
+            notes = {'units': unit_of(name), 'long_name': MEANINGS.get(name, name)}
             return 't', self.trajectory[name].copy(), notes
 
         return xarray.Dataset(
-            {name: described(name) for name in COLUMNS[1:]},
+            {name: described(name) for name in self.columns[1:]},
             coords={'t': described('t')},
             attrs={'name': self.name, 'stable': str(self.stable)},
         )
@@ -186,19 +191,18 @@ def load(path: str | os.PathLike[str]) -> Run:
     from flexarm_ros.analysis.report.runs import load_run
 
     read = load_run(Path(path))
-    columns = [read.columns[name] for name in COLUMNS]
-    return Run(read.name, _structured(columns, read.rows), read.summary, read.directory)
+    return Run(read.name, _structured(read.columns, read.rows), read.summary, read.directory)
 
 
-def table_of(rows: Sequence[Row]) -> Table:
-    """Return rows of ``trajectory.csv`` as a structured array."""
-    table = np.array(rows, dtype=float).reshape(len(rows), len(COLUMNS))
-    return _structured(list(table.T), len(rows))
+def table_of(rows: Sequence[Row], names: Sequence[str]) -> Table:
+    """Return rows of ``trajectory.csv`` with this header as a structured array."""
+    table = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    return _structured(dict(zip(names, table.T, strict=True)), len(rows))
 
 
-def _structured(columns: Sequence[FloatArray], length: int) -> Table:
-    table = np.empty(length, dtype=[(name, float) for name in COLUMNS])
-    for name, column in zip(COLUMNS, columns, strict=True):
+def _structured(columns: Mapping[str, FloatArray], length: int) -> Table:
+    table = np.empty(length, dtype=[(name, float) for name in columns])
+    for name, column in columns.items():
         table[name] = column
     table.flags.writeable = False
     return table

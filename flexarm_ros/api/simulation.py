@@ -33,7 +33,7 @@ from flexarm_ros.core.control import Law
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.trajectory_rows import Row, Rows
+from flexarm_ros.core.run.trajectory_rows import header, Row, Rows
 from flexarm_ros.scenario.plugins import register
 import numpy as np
 from numpy.typing import ArrayLike
@@ -174,7 +174,7 @@ def _fly(config: RunConfig, name: str) -> Run:
     if loop.unstable is not None and loop.unstable_tick is not None:
         unstable = (loop.unstable_tick, loop.unstable)
     summary = outputs.summary_of(config, metrics.result(), Provenance.here(name), wall_s, unstable)
-    return Run(name, table_of(table), outputs.finite(summary))
+    return Run(name, table_of(table, header(config)), outputs.finite(summary))
 
 
 def _timed(blocks: Iterator[Block]) -> Iterator[tuple[Block, float]]:

@@ -29,6 +29,10 @@ class BagMissingError(BagError):
     """The named run does not exist."""
 
 
+class UnknownRoleError(BagError):
+    """An external role was named that the recorded run does not have."""
+
+
 class BagFormatError(BagError):
     """The file is not an MCAP bag, or is damaged."""
 

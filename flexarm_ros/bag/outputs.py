@@ -38,9 +38,10 @@ from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.trajectory_rows import COLUMNS, Row, Rows
+from flexarm_ros.core.run.parts import columns
+from flexarm_ros.core.run.trajectory_rows import header, Row, Rows
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.wire.topics import COMMAND, REFERENCE, STATE, TIP
+from flexarm_ros.wire.topics import COMMAND, per_tick_topics, REFERENCE, STATE, TIP
 
 TRAJECTORY = 'trajectory.csv'
 SUMMARY = 'summary.json'
@@ -58,11 +59,19 @@ def block_rows(rows: Rows, block: Block) -> Iterable[Row]:
     measured = block.values[TIP][:, :2].tolist()
     torques = block.values[COMMAND].tolist()
     published = block.values[REFERENCE][:, :2].tolist()
+    further = further_values(rows.config, block)
     for i in range(len(block)):
         yield rows.row(
             block.first + i, positions[i], rates[i], _pair(ends[i]), _pair(measured[i]),
-            _pair(torques[i]), _pair(published[i]),
+            _pair(torques[i]), _pair(published[i]), further[i],
         )  # fmt: skip
+
+
+def further_values(config: RunConfig, block: Block) -> list[tuple[float, ...]]:
+    """Return the values of the optional parts' columns, one tuple per tick."""
+    places = {topic.name: i for i, topic in enumerate(per_tick_topics(config))}
+    found = [block.values[places[c.topic]][:, c.place].tolist() for c in columns(config)]
+    return list(zip(*found, strict=True)) if found else [()] * len(block)
 
 
 def _pair(values: Sequence[float]) -> tuple[float, float]:
@@ -83,7 +92,7 @@ def write_trajectory(
     temporary = path.with_name(path.name + '.tmp')
     try:
         with open(temporary, 'w', encoding='ascii', newline='') as file:
-            file.write(','.join(COLUMNS) + '\n')
+            file.write(','.join(header(config)) + '\n')
             for block in blocks:
                 lines = []
                 for row in block_rows(rows, block):

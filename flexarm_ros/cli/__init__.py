@@ -204,7 +204,9 @@ def _explain(words: list[str], error: Exception) -> int:
     bag_errors = sys.modules.get('flexarm_ros.bag.errors')
     if bag_errors is not None and isinstance(error, bag_errors.BagError):
         print(f'{prefix}: error: {error}', file=sys.stderr)
-        usage = (bag_errors.BagExistsError, bag_errors.BagMissingError)
+        usage = (
+            bag_errors.BagExistsError, bag_errors.BagMissingError, bag_errors.UnknownRoleError,
+        )  # fmt: skip
         return 2 if isinstance(error, usage) else 1
     if isinstance(error, OSError):
         place = f'{clip(str(error.filename), PATH_WIDTH)}: ' if error.filename is not None else ''

@@ -62,21 +62,32 @@ def run(args: argparse.Namespace) -> int:
 def _laws() -> Iterable[tuple[str, str]]:
     """Return the laws that a scenario can name, and where each comes from."""
     from flexarm_ros.core.control import BUILT_IN
-    from flexarm_ros.scenario.plugins import installed_laws
+    from flexarm_ros.scenario.plugins import installed_laws, package_of
 
     yield from ((name, 'flexarm_ros') for name in BUILT_IN)
     for name, point in sorted(installed_laws().items()):
-        package = point.dist.metadata['Name'] if point.dist is not None else ''
-        yield name, f'{package} ({point.value})'
+        yield name, f'{package_of(point)} ({point.value})'
 
 
 def _parts() -> Iterable[tuple[str, str]]:
-    """Return the roles of a run and what each publishes at each tick of the default scenario."""
-    from flexarm_ros.core.parameters.sections import RunConfig
-    from flexarm_ros.core.run.parts import PARTS
+    """Return the parts that a scenario can have, what each publishes and where it comes from."""
+    from flexarm_ros import scenario
+    from flexarm_ros.core.run.parts import part_of, PARTS
+    from flexarm_ros.scenario.errors import ScenarioError
+    from flexarm_ros.scenario.plugins import installed_parts, package_of
 
     for part in PARTS:
-        yield part.NAME, ', '.join(signal.name for signal in part.signals(RunConfig()))
+        optional = part.Parameters is not None
+        config = scenario.from_dict({part.NAME: {}} if optional else {})
+        topics = ', '.join(signal.name for signal in part.signals(config))
+        yield part.NAME, f'{topics} (optional)' if optional else topics
+    for name, point in sorted(installed_parts().items()):
+        try:
+            config = scenario.from_dict({name: {}})
+            topics = ', '.join(signal.name for signal in part_of(name).signals(config))
+        except ScenarioError as error:
+            topics = f'cannot be used: {error}'
+        yield name, f'{topics} (optional, {package_of(point)})'
 
 
 def _print_table(rows: list[tuple[str, str]]) -> None:

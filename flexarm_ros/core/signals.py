@@ -21,6 +21,7 @@ The wire layer turns these into ROS messages (`flexarm_ros.wire.topics`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 BASE_FRAME = 'base'
 JOINTS = ('shoulder', 'elbow')
@@ -31,6 +32,8 @@ LINKS = ('link1', 'link2')
 class Clock:
     """Only a stamp."""
 
+    width: ClassVar[int] = 0
+
 
 @dataclass(frozen=True)
 class Joints:
@@ -39,6 +42,11 @@ class Joints:
     names: tuple[str, ...] = JOINTS
     fields: tuple[str, ...] = ('position', 'velocity')
 
+    @property
+    def width(self) -> int:
+        """Return the number of values: those of the first field, then of the next."""
+        return len(self.names) * len(self.fields)
+
 
 @dataclass(frozen=True)
 class PlanarPoint:
@@ -46,6 +54,7 @@ class PlanarPoint:
 
     child: str
     variance: float = 0.0
+    width: ClassVar[int] = 4
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,8 @@ def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
         from flexarm_ros.scenario.suites.suite import load
 
         loaded, words = load(suite), _words(nodes)
-        check_commands(words)
+        for case in loaded.cases:
+            check_commands(words, case.config)
         if any(case.mode != 'simulate' for case in loaded.cases):
             _need_ros()
         out = tmp_path / loaded.name

@@ -28,7 +28,8 @@ import time
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import Answer, PARTS, signals
+from flexarm_ros.core.run.part import Answer
+from flexarm_ros.core.run.parts import known_parts, signals
 from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, INTERRUPTED, REPORT_FD
 
 _CRASHES = {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL}
@@ -226,5 +227,5 @@ class RunWatch:
 def _nearness(line: dict[str, Any]) -> int:
     """Return a sort key of verdicts: a node with more inputs makes the better diagnosis."""
     answers = {signal.name for part, signal in signals(RunConfig()) if issubclass(part, Answer)}
-    known = {part.NAME: len(answers & {*part.READS}) + part.FOR_THE_RECORD for part in PARTS}
+    known = {p.NAME: len(answers & {*p.READS}) + p.FOR_THE_RECORD for p in known_parts()}
     return -known.get(line['role'], -1)

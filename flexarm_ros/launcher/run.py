@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import errno
 from functools import partial
@@ -32,7 +32,7 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory, Work
 from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, specs
-from flexarm_ros.core.run.parts import REPLACEABLE, ROLES
+from flexarm_ros.core.run.parts import replaceable, roles
 from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
@@ -113,7 +113,8 @@ def run_scenario(
     BagError before anything is started, BagError too where the files of a run without a
     problem cannot be finished.
     """
-    check_commands(options.nodes)
+    check_roles(options.without, config)
+    check_commands(options.nodes, config)
     with reserved_domain(options.domain) as domain:
         external = (*options.without, *options.nodes)
         prepare_directory(directory, config, name, external)
@@ -184,11 +185,18 @@ def finish(
     return outcome
 
 
-def check_commands(nodes: Mapping[str, Sequence[str]]) -> None:
+def check_roles(external: Iterable[str], config: RunConfig) -> None:
+    """Raise ``ValueError`` for a role that an external node cannot fill in this scenario."""
+    allowed = replaceable(config)
+    for role in external:
+        if role not in allowed:
+            raise ValueError(f'{role}: not a node to replace: {", ".join(allowed)}')
+
+
+def check_commands(nodes: Mapping[str, Sequence[str]], config: RunConfig) -> None:
     """Check that the commands of external nodes can be started; FileNotFoundError if not."""
+    check_roles(nodes, config)
     for role, words in nodes.items():
-        if role not in REPLACEABLE:
-            raise ValueError(f'{role}: not a node to replace: {", ".join(REPLACEABLE)}')
         if not words or shutil.which(words[0]) is None:
             name = words[0] if words else ''
             raise FileNotFoundError(errno.ENOENT, f'{role}: no such command', name)
@@ -207,11 +215,12 @@ def _commands(
         start_paused=config.pace.start_paused and options.attended,
     )
     own = own_arguments(directory, name, pace, faults.ticks if faults is not None else ())
-    roles = [role for role in ROLES if role not in (*options.without, *options.nodes)]
+    external = (*options.without, *options.nodes)
+    started = [role for role in roles(config) if role not in external]
     if options.compose:
-        every = [word for role in roles for word in own.get(role, [])]
-        return {'compose': node_command('compose', shared + every, roles)}
-    return {role: node_command(role, shared + own.get(role, [])) for role in roles}
+        every = [word for role in started for word in own.get(role, [])]
+        return {'compose': node_command('compose', shared + every, started)}
+    return {role: node_command(role, shared + own.get(role, [])) for role in started}
 
 
 def write_resolved(directory: Path, config: RunConfig) -> Path:

@@ -26,6 +26,8 @@ def main(name: str, argv: list[str] | None = None) -> int:
     """
     Run the node ``name`` (or ``compose``) until its run is over.
 
+    ``node``: the name is the first word of ``argv``, for a part of another package.
+
     Returns the exit status: 0 done, 1 the run failed, 2 a bad scenario or
     command line, 130, 143 or 129 after a signal.
     """
@@ -33,4 +35,10 @@ def main(name: str, argv: list[str] | None = None) -> int:
     allow_warnings()  # before anything else is imported
     from flexarm_ros.nodes.process import run_process
 
-    return run_process(name, sys.argv[1:] if argv is None else argv)
+    words = sys.argv[1:] if argv is None else argv
+    if name != 'node':
+        return run_process(name, words)
+    if not words or words[0].startswith('-'):
+        print('usage: ros2 run flexarm_ros node NAME [--ros-args ...]', file=sys.stderr)
+        return 2
+    return run_process(words[0], words[1:])

@@ -20,7 +20,8 @@ import copy
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import answer_of, STATE
+from flexarm_ros.core.run.part import Answer, STATE
+from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.core.run.state import MessageState
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.participant import Participant
@@ -32,12 +33,14 @@ class AnsweringNode(Participant):
 
     def build(self) -> None:
         """Make the part."""
-        kind = answer_of(self.ROLE)
+        kind = part_of(self.ROLE)
+        assert issubclass(kind, Answer)
+        reads = kind.reads(self.config)
         self._part = kind(self.config)
         self._late = kind.LATE
-        self._reads = [self.inputs[name] for name in kind.READS]
-        self._state = self.inputs[STATE] if STATE in kind.READS else None
-        self._place = kind.READS.index(STATE) if STATE in kind.READS else None
+        self._reads = [self.inputs[name] for name in reads]
+        self._state = self.inputs[STATE] if STATE in reads else None
+        self._place = reads.index(STATE) if STATE in reads else None
         # Here before they are needed: taken while the plant has its turn.
         self._ahead = [entry for entry in self._reads if entry.topic.ahead]
         self._configure(self.config)
@@ -106,4 +109,4 @@ class AnsweringNode(Participant):
 
 def answering_node(role: str) -> type[AnsweringNode]:
     """Return the class of the node that fills ``role``."""
-    return type(f'{answer_of(role).__name__}Node', (AnsweringNode,), {'ROLE': role})
+    return type(f'{part_of(role).__name__}Node', (AnsweringNode,), {'ROLE': role})

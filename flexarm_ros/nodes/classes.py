@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.run.parts import PARTS
 
 OWN = {'plant': 'PlantNode', 'trajectory': 'TrajectoryNode', 'recorder': 'RecorderNode'}
 """Roles whose node does more than answer: its class, in the module of the role's name."""
@@ -27,5 +27,5 @@ def module_of(role: str) -> str:
     return f'flexarm_ros.nodes.{role if role in OWN else "answering"}'
 
 
-MODULES = ('flexarm_ros.nodes.process', *dict.fromkeys(map(module_of, ROLES)))
+MODULES = ('flexarm_ros.nodes.process', *dict.fromkeys(module_of(part.NAME) for part in PARTS))
 """What the nodes of a run import."""

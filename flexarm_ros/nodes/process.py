@@ -27,11 +27,12 @@ import traceback
 from typing import Any
 
 from flexarm_ros.core.ending import handle_ending
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.run.parts import known_parts
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.classes import module_of, OWN
 from flexarm_ros.nodes.runtime.ending import describe
 from flexarm_ros.nodes.runtime.lockstep import spin
+from flexarm_ros.nodes.runtime.parameters.declared import parameter_files
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.process.environment import (
     enforce_security,
@@ -44,6 +45,8 @@ from flexarm_ros.nodes.runtime.process.shutdown_watchdog import shutdown_limit
 from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
 from flexarm_ros.nodes.runtime.topics.channels import connect
 from flexarm_ros.scenario import ScenarioError
+from flexarm_ros.scenario.nodefile import named_parts, read_sections
+from flexarm_ros.scenario.plugins import find_section, role_names
 import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -73,10 +76,11 @@ def run_process(name: str, argv: list[str]) -> int:
         from flexarm_ros.nodes.view.viewer import view
 
         return view(argv)
-    if name not in (*ROLES, COMPOSE):
-        print(f'no node {name}: {", ".join([*ROLES, "player", "viewer"])}', file=sys.stderr)
-        return 2
     try:
+        if name != COMPOSE and not (name.isidentifier() and find_section(name)):
+            names = ', '.join([*role_names(), 'player', 'viewer'])
+            print(f'no node {name}: {names}', file=sys.stderr)
+            return 2
         start(name, argv)
     except ValueError as error:
         print(f'{name}: {error}', file=sys.stderr)
@@ -104,7 +108,13 @@ def run_process(name: str, argv: list[str]) -> int:
 def _composed(argv: list[str]) -> list[str]:
     """Return the nodes that share this process: those named before the ROS arguments, or all."""
     words = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
-    return [name for name in ROLES if name in words] or list(ROLES)
+    optional = [*named_parts(read_sections(parameter_files(argv)))]
+    found = [part.NAME for part in known_parts()]
+    named = [name for name in found if name in words]
+    if named:
+        return named
+    required = [part.NAME for part in known_parts() if part.Parameters is None]
+    return [name for name in found if name in (*required, *optional)]
 
 
 def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:

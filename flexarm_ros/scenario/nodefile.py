@@ -37,13 +37,14 @@ from pathlib import Path
 import re
 import sys
 
+from flexarm_ros.core.parameters.sections import is_optional, RunConfig, SECTIONS
 from flexarm_ros.core.parameters.sections import keys as keys_of
-from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS
+from flexarm_ros.core.run.parts import parts_of
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
-from flexarm_ros.scenario.plugins import find_laws
-from flexarm_ros.scenario.reader import build, is_of_ros, MAX_BYTES, PathLike, WHOLE_RUN
+from flexarm_ros.scenario.plugins import find_laws, find_section
+from flexarm_ros.scenario.reader import build, is_of_ros, MAX_BYTES, PathLike, PRESENT, WHOLE_RUN
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree, parse, Scalar, show, Tree
 
 PARAMETERS = 'ros__parameters'
@@ -78,6 +79,7 @@ class Given:
 
 
 Section = dict[str, Given]
+_PRESENT = Given(MappingTree({}), '')
 Files = Collection[Path | None]
 
 _LIST = '; see `ros2 param list`, or docs/reference/parameters.md'
@@ -111,10 +113,13 @@ class NodeParameters:
         values = {where: given.tree for where, given in self.scenario.items()}
         config = build(values, torque_base=self.torque_base, whole=False)
         try:
+            parts_of(config)
             check(config)
         except ScenarioError:
             if self.whole:
                 raise
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
         return config
 
 
@@ -173,18 +178,13 @@ def read_node(
     """
     sections = read_sections(files)
     assignments = list(assignments)
-    if node.flies:
-        _find_laws(sections, node, assignments)
     found = NodeParameters()
-    namespace = node.name.rpartition('/')[0]
-    for role in SECTIONS if node.flies else ():
-        if role in (WHOLE_RUN, node.role):
-            continue
-        for name in _chosen(sections, role, f'{namespace}/{role}'):
-            if not name.endswith('*'):
-                found.whole = True
-                known = sections[name].keys() & keys_of(role).keys()
-                _put(found, role, {key: sections[name][key] for key in known})
+    if node.flies:
+        named_parts(sections)
+        _find_laws(sections, node, assignments)
+        if find_section(node.role) and is_optional(node.role):
+            found.scenario[node.role, PRESENT] = _PRESENT
+        _take_other_roles(found, node, sections)
     for name in _chosen(sections, node.role, node.name):
         _take(found, node, name, sections[name], _shared_files(sections, node))
     for key, text in assignments:
@@ -198,6 +198,29 @@ def read_node(
             raise ScenarioError(f'{place}: no value; give -p {clip(key)}:=VALUE')
         _take(found, node, node.role, {key: Given(tree, place, None, sys.maxsize)})
     return found
+
+
+def _take_other_roles(
+    found: NodeParameters, node: NodeName, sections: dict[str, Section]
+) -> None:  # fmt: skip
+    """Add what sections named after other roles give, of the node's own namespace."""
+    namespace = node.name.rpartition('/')[0]
+    for role in SECTIONS:
+        if role in (WHOLE_RUN, node.role):
+            continue
+        for name in _chosen(sections, role, f'{namespace}/{role}'):
+            if not name.endswith('*'):
+                found.whole = True
+                if is_optional(role):
+                    found.scenario[role, PRESENT] = _PRESENT
+                known = sections[name].keys() & keys_of(role).keys()
+                _put(found, role, {key: sections[name][key] for key in known})
+
+
+def named_parts(sections: Iterable[str]) -> list[str]:
+    """Return the optional parts that names of sections name, in any namespace."""
+    names = dict.fromkeys(section.rpartition('/')[2] for section in sections)
+    return [name for name in names if find_section(name) and is_optional(name)]
 
 
 def _find_laws(

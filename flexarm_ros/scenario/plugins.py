@@ -13,7 +13,10 @@
 # limitations under the License.
 
 """
-Control laws from outside this package: found, imported, checked and registered.
+Control laws and parts from outside this package: found, imported, checked and registered.
+
+A part is named by an installed entry point of the group ``flexarm_ros.parts``; it is imported
+where a scenario has the section of that name, and in no other way.
 
 A law is named by an installed entry point of the group ``flexarm_ros.laws``, or as
 ``package.module:Class``.  The second is imported only where the user says so: in a scenario file,
@@ -32,11 +35,16 @@ from typing import Any
 
 from flexarm_ros.core.parameters.sections import OWN_LAWS, RunConfig, SECTIONS, Spec, specs
 from flexarm_ros.core.parameters.spec import KINDS
+from flexarm_ros.core.run.part import Answer
+from flexarm_ros.core.run.parts import known_parts, PARTS, register_part
 from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import tree_of
 
 LAW_GROUP = 'flexarm_ros.laws'
+PART_GROUP = 'flexarm_ros.parts'
+_RESERVED = ('run', 'compose', 'node', 'player', 'viewer')
+"""Names that are no role's: a section's in Python, and those of other executables."""
 _trusted: set[str] = set()
 
 
@@ -44,6 +52,62 @@ _trusted: set[str] = set()
 def installed_laws() -> dict[str, EntryPoint]:
     """Return the entry points of laws by name; nothing is imported."""
     return {point.name: point for point in entry_points(group=LAW_GROUP)}
+
+
+@cache
+def installed_parts() -> dict[str, EntryPoint]:
+    """Return the entry points of parts by name, this package's left out; nothing is imported."""
+    ours = {*(part.NAME for part in PARTS), *_RESERVED}
+    points = entry_points(group=PART_GROUP)
+    return {point.name: point for point in points if point.name not in ours}
+
+
+def package_of(point: EntryPoint) -> str:
+    """Return the name of the distribution that an entry point comes from."""
+    return point.dist.metadata['Name'] if point.dist is not None else ''
+
+
+def role_names() -> list[str]:
+    """Return the role of every part that a scenario here may have; nothing is imported."""
+    return list(dict.fromkeys([*(part.NAME for part in known_parts()), *installed_parts()]))
+
+
+def section_names() -> list[str]:
+    """Return the sections that a scenario here may have; nothing is imported."""
+    return list(dict.fromkeys([*SECTIONS, *installed_parts()]))
+
+
+def find_section(name: str) -> bool:
+    """
+    Return whether a scenario may have the section ``name``.
+
+    An installed part of that name is imported and registered.  Raises ScenarioError where it
+    cannot be imported or is no part.
+    """
+    if name in SECTIONS:
+        return True
+    point = installed_parts().get(name) if name.isidentifier() else None
+    if point is None:
+        return False
+    where = f'{clip(name)} ({point.value})'
+    part = _imported(where, point.module, point.attr)
+    _check_part(where, name, part)
+    register_part(part)
+    return True
+
+
+def _check_part(where: str, name: str, part: Any) -> None:
+    if not isinstance(part, type) or not issubclass(part, Answer):
+        raise ScenarioError(f'{where}: not a subclass of flexarm_ros.core.run.part.Answer')
+    if part.__dict__.get('NAME') != name or not name.isidentifier() or not name.isascii():
+        raise ScenarioError(f'{where}: NAME is not {name!r}, a name of letters, digits and _')
+    declared = part.Parameters
+    _check_parameters(where, declared)
+    assert declared is not None
+    _check_defaults(name, declared)
+    if all(default is None for _, _, default in specs(declared).values()):
+        # A scenario is written with the values that are set: this section would be lost.
+        raise ScenarioError(f'{where}: Parameters has no key with a default')
 
 
 def trust(modules: Iterable[str]) -> None:
@@ -71,8 +135,10 @@ def find_laws(law: object, names: Iterable[str], user: bool) -> None:
             _find_law(prefix, user)
 
 
-def find_laws_of(config: RunConfig) -> None:
-    """Register the laws of a user's scenario that came from another process."""
+def find_plugins_of(config: RunConfig) -> None:
+    """Register the laws and parts of a user's scenario that came from another process."""
+    for section, _ in config.further:
+        find_section(section)
     held = (f'{prefix}.' for prefix, _ in config.controller.laws)
     find_laws(config.controller.law, held, user=True)
 
@@ -82,10 +148,10 @@ def _find_law(law: str, user: bool) -> None:
         return
     if law in installed_laws():
         point = installed_laws()[law]
-        register(_imported(law, point.module, point.attr), law)
+        register(_imported(_of_law(law), point.module, point.attr), law)
     elif ':' in law and (user or _is_trusted(law)):
         module, _, attribute = law.partition(':')
-        register(_imported(law, module, attribute), law)
+        register(_imported(_of_law(law), module, attribute), law)
     elif user and installed_laws():
         choices = (*specs(SECTIONS['controller'])['law'][1].choices, *installed_laws())
         raise ScenarioError(
@@ -101,8 +167,11 @@ def _is_trusted(law: str) -> bool:
     )
 
 
-def _imported(law: str, module: str, attribute: str) -> Any:
-    where = f'controller.law: {clip(law)}'
+def _of_law(law: str) -> str:
+    return f'controller.law: {clip(law)}'
+
+
+def _imported(where: str, module: str, attribute: str) -> Any:
     parts = [*module.split('.'), *attribute.split('.')]
     if not all(part.isidentifier() for part in parts):
         raise ScenarioError(f'{where}: give package.module:Class')
@@ -129,7 +198,7 @@ def register(law: Any, name: str = '') -> str:
     """
     from flexarm_ros.core.control import LAWS, register_law
 
-    where = f'controller.law: {clip(name or repr(law))}'
+    where = _of_law(name or repr(law))
     _check_class(where, law)
     own_name = law.NAME or law.__name__
     name = name or own_name
@@ -147,9 +216,7 @@ def register(law: Any, name: str = '') -> str:
             raise ScenarioError(
                 f'{where}: the name {prefix} is taken by {before.__module__}:{before.__qualname__}'
             )
-    for key, (_, spec, default) in specs(law.Parameters).items():
-        if default is not None:
-            convert(f'controller.{prefix}.{key}: default', spec, tree_of(default))
+    _check_defaults(f'controller.{prefix}', law.Parameters)
     register_law(name, law, prefix)
     return name
 
@@ -159,7 +226,10 @@ def _check_class(where: str, law: Any) -> None:
 
     if not isinstance(law, type) or not issubclass(law, Law):
         raise ScenarioError(f'{where}: not a subclass of flexarm_ros.core.control.Law')
-    declared = law.Parameters
+    _check_parameters(where, law.Parameters)
+
+
+def _check_parameters(where: str, declared: Any) -> None:
     settings: Any = getattr(declared, '__dataclass_params__', None)
     if not isinstance(declared, type) or not is_dataclass(declared) or not settings.frozen:
         raise ScenarioError(f'{where}: Parameters is not a frozen dataclass')
@@ -174,3 +244,9 @@ def _check_class(where: str, law: Any) -> None:
             )
         if spec.live and spec.kind != 'float':
             raise ScenarioError(f'{where}: Parameters.{field.name}: only a float may be live')
+
+
+def _check_defaults(prefix: str, declared: type) -> None:
+    for key, (_, spec, default) in specs(declared).items():
+        if default is not None:
+            convert(f'{prefix}.{key}: default', spec, tree_of(default))

@@ -17,13 +17,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import replace
 import os
 from pathlib import Path
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import (
-    held_field,
+    is_optional,
     keys,
     made,
     PaceParameters,
@@ -32,20 +32,26 @@ from flexarm_ros.core.parameters.sections import (
     Spec,
     specs,
     values_of,
+    with_section,
 )
 from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
-from flexarm_ros.scenario.plugins import find_laws
+from flexarm_ros.scenario.plugins import find_laws, find_section, section_names
 from flexarm_ros.scenario.torque_file import check_order, HEADER, read_torques, Torques
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree, parse, Scalar, show, Tree, tree_of
 
 PathLike = str | os.PathLike[str]
 Values = dict[tuple[str, str], Tree]
-"""``{(section, key): value}`` of what was given, before defaults."""
+"""
+``{(section, key): value}`` of what was given, before defaults.
 
+`PRESENT` in the place of a key: the scenario has this optional section.
+"""
+
+PRESENT = ''
 MAX_BYTES = 1024 * 1024
 WHOLE_RUN = '/**'
 PACE = specs(PaceParameters)
@@ -224,7 +230,7 @@ def find_key(name: str) -> tuple[str, str]:
     """
     first, dot, rest = name.partition('.')
     first = first if first == WHOLE_RUN else first.lstrip('/')
-    section, key = (first, rest) if dot and first in SECTIONS else (WHOLE_RUN, name)
+    section, key = (first, rest) if dot and find_section(first) else (WHOLE_RUN, name)
     if section == 'controller':
         find_laws(None, [key], user=True)
     if key not in known_keys(section):
@@ -282,11 +288,8 @@ def _read(text: str, name: str, user: bool = False) -> Values:
 
 def _read_section(values: Values, section: str, body: Tree, user: bool) -> None:
     name = section if section == WHOLE_RUN else section.removeprefix('/')
-    if name not in SECTIONS:
-        raise ScenarioError(
-            f'{clip(section)}: unknown section{suggestion(name, SECTIONS)} '
-            f'(allowed: {", ".join(SECTIONS)})'
-        )
+    if not find_section(name):
+        raise _unknown_section(section, name)
     if not isinstance(body, MappingTree) or set(body.entries) != {'ros__parameters'}:
         raise ScenarioError(f'{clip(section)}: must hold one map, ros__parameters')
     _take_section(values, name, body.entries['ros__parameters'], '', user)
@@ -296,13 +299,12 @@ def _take_section(
     values: Values, section: str, tree: Tree, prefix: str, user: bool = False
 ) -> None:
     """Add a section's keys to ``values``; nested maps make dotted keys."""
-    if section not in SECTIONS:
-        raise ScenarioError(
-            f'{clip(section)}: unknown section{suggestion(section, SECTIONS)} '
-            f'(allowed: {", ".join(SECTIONS)})'
-        )
+    if not find_section(section):
+        raise _unknown_section(section, section)
     if not isinstance(tree, MappingTree):
         raise ScenarioError(f'{section}: ros__parameters must be a map of keys, not {show(tree)}')
+    if is_optional(section):
+        values[section, PRESENT] = tree
     if section == 'controller' and not prefix:
         law = tree.entries.get('law')
         find_laws(law.value if isinstance(law, Scalar) else None, tree.entries, user)
@@ -320,6 +322,13 @@ def _take_section(
         else:
             name = clip(full_name(section, key))
             raise ScenarioError(f'{name}: unknown key{nearest(section, key)}')
+
+
+def _unknown_section(section: str, name: str) -> ScenarioError:
+    known = section_names()
+    return ScenarioError(
+        f'{clip(section)}: unknown section{suggestion(name, known)} (allowed: {", ".join(known)})'
+    )
 
 
 def is_of_ros(key: str) -> bool:
@@ -342,26 +351,27 @@ def build(
 
     Each value is checked, and with ``whole`` that they fit together.  Raises ScenarioError.
     """
-    sections: dict[str, Any] = {}
+    config = RunConfig()
+    present = {section for section, _ in values}
     for section in SECTIONS:
+        if is_optional(section) and section not in present:
+            continue
         given = {}
         for key, (_, spec, _) in keys(section).items():
             if (section, key) in values:
                 given[key] = convert(full_name(section, key), spec, values[section, key])
-        sections[held_field(section)] = made(section, given)
+        config = with_section(config, section, made(section, given))
     pace = {
         name: convert(full_name(WHOLE_RUN, key), spec, values[WHOLE_RUN, key])
         for key, (name, spec, _) in PACE.items()
         if (WHOLE_RUN, key) in values
     }
-    controller = sections['controller']
+    controller = config.controller
     if controller.law == 'open_loop' and torque_base is not None and controller.torque_file:
         torques = read_torques(torque_base / controller.torque_file)
     elif controller.law != 'open_loop':
         torques = ()
-    rest = {'torques', 'changes', 'pace'}
-    assert set(sections) | rest == {field.name for field in fields(RunConfig)}
-    config = RunConfig(**sections, torques=torques, pace=PaceParameters(**pace))
+    config = replace(config, torques=torques, pace=PaceParameters(**pace))
     if whole:
         check(config)
     return config

@@ -24,13 +24,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
-from flexarm_ros.core.parameters.sections import keys, RunConfig, SECTIONS
+from flexarm_ros.core.parameters.sections import is_optional, keys, RunConfig
 from flexarm_ros.scenario.errors import clip, ScenarioError
+from flexarm_ros.scenario.plugins import find_section
 from flexarm_ros.scenario.reader import (
     build,
     check_torques,
     from_text,
     is_of_ros,
+    PRESENT,
     Values,
     WHOLE_RUN,
 )
@@ -89,12 +91,19 @@ def _known_values(tree: Tree | None) -> tuple[Values, dict[str, list[str]]]:
     unknown: dict[str, list[str]] = {}
     for section, body in tree.entries.items() if isinstance(tree, MappingTree) else ():
         name = section if section == WHOLE_RUN else section.removeprefix('/')
-        if name not in SECTIONS:
+        try:
+            known = find_section(name)
+        except ScenarioError as error:  # a part that is installed here and cannot be used
+            unknown[name] = [str(error)]
+            continue
+        if not known:
             unknown[name] = ['unknown section']
             continue
         held = body.entries.get('ros__parameters') if isinstance(body, MappingTree) else None
         if not isinstance(held, MappingTree):
             continue
+        if is_optional(name):
+            values[name, PRESENT] = held
         for key, value in _flat(name, held, ''):
             if key not in keys(name):
                 unknown.setdefault(name, []).append(f'unknown key {clip(key)}')

@@ -16,9 +16,9 @@
 The topics of a run: names, types, quality of service and canonical order.
 
 Each of these topics carries exactly one message at every tick, except ``/clock``, which depends
-on ``/**.clock_rate``.  The topics follow from the run's parts (`flexarm_ros.core.run.parts`).
+on ``/**.clock_rate``.  The topics follow from the scenario's parts (`flexarm_ros.core.run.parts`).
 The order of ``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
-the data flow: clock, state, measurements and reference, torque.
+the data flow: clock, state, measurements and reference, torque; then what optional parts publish.
 """
 
 from __future__ import annotations
@@ -26,16 +26,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
-from flexarm_ros.core.run import parts
+from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, PlanarPoint
 from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
 
-_NAMES = [signal.name for _, signal in parts.signals(RunConfig())]
 CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = map(
-    _NAMES.index,
-    (parts.CLOCK, parts.STATE, parts.JOINT_STATES, parts.TIP, parts.REFERENCE, parts.COMMAND),
+    parts.place,
+    (part.CLOCK, part.STATE, part.JOINT_STATES, part.TIP, part.REFERENCE, part.COMMAND),
 )
-"""Index of each topic in ``per_tick_topics``; those of further tip sensors come last."""
+"""Index of each required topic in ``per_tick_topics``, the same in every scenario."""
 
 DEPTH = 1000
 """Depth of every history, in messages.
@@ -63,7 +62,7 @@ class Topic:
     ``name`` is relative (``plant/state``), so that namespaces and remapping
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
     it, at tick 0 and every ``every`` ticks.  For the stamps ``late`` and ``ahead`` see
-    `flexarm_ros.core.run.parts.Part`.
+    `flexarm_ros.core.run.part.Part`.
     """
 
     name: str
@@ -98,13 +97,13 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     return tuple(
         Topic(
             signal.name,
-            part.NAME,
+            owner.NAME,
             codec(signal.content),
             every=signal.every,
-            late=part.LATE,
-            ahead=part.AHEAD,
+            late=owner.LATE,
+            ahead=owner.AHEAD,
         )
-        for part, signal in parts.signals(config)
+        for owner, signal in parts.signals(config)
     )
 
 

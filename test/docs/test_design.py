@@ -16,15 +16,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import re
 from typing import Any, ClassVar
 
 from flexarm_ros.bag.checks.recompute import Nodes
 from flexarm_ros.bag.provenance import LAYERS as DIGESTED
-from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, with_section
+from flexarm_ros.core.parameters.spec import parameter
 from flexarm_ros.core.run import parts
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.state import State
+from flexarm_ros.core.sensing.sensor import Sensor
 from flexarm_ros.core.signals import Joints, Signal
 from flexarm_ros.wire.topics import per_tick_topics
 from layertools import API, LAYERS
@@ -57,7 +60,7 @@ def test_the_table_of_parts_is_the_list_of_parts() -> None:
     for part in parts.PARTS:
         reads, publishes = found[part.NAME]
         assert publishes == [signal.name for signal in part.signals(RunConfig())]
-        expected = 'every topic' if part.FOR_THE_RECORD else list(part.READS)
+        expected = 'every topic' if part.FOR_THE_RECORD else list(part.reads(RunConfig()))
         assert (reads if part.FOR_THE_RECORD else names(reads)) == expected
 
 
@@ -66,42 +69,53 @@ def test_a_file_that_is_named_is_there(name: str) -> None:
     assert (ROOT / name).exists() or (ROOT / 'flexarm_ros' / name).exists()
 
 
-class Gauge(parts.Answer):
-    """A sensor as the page says to add one: the deflections of the tick before."""
+@dataclass(frozen=True)
+class Keys:
+    gain: float = parameter(2.0, 'float', '', 'a gain', live=True)
+    latency: float = parameter(0.001, 'float', 's', 'age at delivery', whole_ns=True)
+
+
+class Gauge(Sensor):
+    """A sensor as the page says to add one: the end deflections, late."""
 
     NAME: ClassVar[str] = 'gauge'
-    READS: ClassVar[tuple[str, ...]] = (parts.STATE,)
-
-    def __init__(self, config: RunConfig) -> None:
-        self._last = (0.0, 0.0)
+    Parameters = Keys
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
         return (Signal('gauge/deflection', Joints(('link1', 'link2'), ('position',))),)
 
-    def answer(self, k: int, state: State) -> Any:
-        answer, self._last = self._last, state.ends[:2]
-        return answer
+    def sample(self, k: int, state: State) -> Any:
+        return state.ends[:2]
+
+    def read(self, values: Any) -> Any:
+        return [self.parameters.gain * value for value in values]
 
 
-def test_a_sensor_is_one_class_in_the_list(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures('registry')
+def test_a_sensor_is_one_class_with_its_section(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is in the loop, among the topics, and computed anew from what is recorded."""
     monkeypatch.setattr(parts, 'PARTS', (*parts.PARTS[:-1], Gauge, parts.PARTS[-1]))
-    config = RunConfig()
+    monkeypatch.setitem(SECTIONS, 'gauge', Keys)
+    assert 'gauge' not in parts.roles(RunConfig())
+    config = with_section(RunConfig(), 'gauge', Keys(gain=3.0))
     topics = per_tick_topics(config)
     place = [topic.name for topic in topics].index('gauge/deflection')
     assert topics[place].node == 'gauge'
-    assert parts.readers('gauge/deflection') == ('recorder',)
+    assert parts.readers('gauge/deflection', config) == ('recorder',)
     loop, nodes, before = ClosedLoop(config), Nodes(config, topics, frozenset()), None
+    ends = []
     for _ in range(5):
         record = loop.tick()
         assert record is not None
+        ends.append(record.deflections[:2])
         now = [
             m[1:] if late else m
             for m, late in zip(record.messages, loop.answers.late, strict=True)
         ]
         now[0], now[1] = (), record.state.values()
         expected = nodes.expected(record.k, now, before)
-        assert expected[place][1] == record.messages[place]
+        stamp, values = expected[place]
+        assert (stamp, *values) == record.messages[place]
         before = now
-    assert record.messages[place] != (0.0, 0.0)
+    assert record.messages[place][1:] == (3.0 * ends[3][0], 3.0 * ends[3][1]) != (0.0, 0.0)

@@ -26,7 +26,8 @@ import sys
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.runs.launched import ARGUMENTS, LaunchedRun, read_rtf, split_overrides
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import roles
 from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, REPORT_FD, Supervisor
 from flexarm_ros.scenario import ScenarioError
@@ -34,6 +35,7 @@ from nodetools import finish, wait_for
 import pytest
 from repository import ROOT
 
+ROLES = roles(RunConfig())
 LAUNCH_FILE = ROOT / 'launch' / 'run.launch.py'
 DEFAULTS = {name: argument.default for name, argument in ARGUMENTS.items()}
 LAUNCH = """

@@ -16,27 +16,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 import json
 from pathlib import Path
-import subprocess
-import sys
 import threading
 from typing import Any, NamedTuple
 
 import flexarm_ros as fa
 from flexarm_ros import cli, scenario
-from flexarm_ros.core.control import Law, LAWS, Sample
+from flexarm_ros.core.control import Law, Sample
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, OWN_LAWS, RunConfig
 from flexarm_ros.core.parameters.spec import parameter
 from flexarm_ros.scenario import plugins
 from nodetools import Asker, flexarm, wait_for
 import pytest
-from repository import ROOT, TESTS
+from repository import ROOT
 
-STRANGER = TESTS / 'stranger'
 MOVING = (
     '--set', 'trajectory.kind=hold', '--set', 'plant.initial_velocity=[0.1, -0.2]',
     '--set', 'duration=0.2',
@@ -54,44 +50,6 @@ class Braking(Law):
     def torque(self, k, sample):
         return -50.0 * sample.encoder[2], -50.0 * sample.encoder[3]
 """
-
-
-@pytest.fixture
-def registry(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Forget what a test registers, trusts and finds installed."""
-    kept = dict(LAWS), dict(OWN_LAWS), set(plugins._trusted)
-    plugins.installed_laws.cache_clear()
-    yield
-    monkeypatch.undo()
-    plugins.installed_laws.cache_clear()
-    for now, before in zip((LAWS, OWN_LAWS), kept, strict=False):
-        now.clear()
-        now.update(before)
-    plugins._trusted.clear()
-    plugins._trusted.update(kept[2])
-
-
-@pytest.fixture(scope='module')
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Install the stranger's package, without a network, in a directory of its own."""
-    import shutil
-
-    place = tmp_path_factory.mktemp('stranger')
-    shutil.copytree(STRANGER, place / 'source')
-    subprocess.run(
-        [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-index', '--no-deps',
-         '--no-build-isolation', '--target', place / 'site', place / 'source'],
-        check=True, timeout=120,
-    )  # fmt: skip
-    return place / 'site'
-
-
-@pytest.fixture
-def stranger(site: Path, registry: None, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Put the stranger's package on the path of this process and of those that it starts."""
-    monkeypatch.syspath_prepend(site)
-    monkeypatch.setenv('PYTHONPATH', f'{site}:{ROOT}')
-    return site
 
 
 class Named(NamedTuple):

@@ -24,10 +24,12 @@ import sys
 import threading
 import time
 
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import PARTS, roles
 from repository import ROOT
 
-EXECUTABLES = {*ROLES, 'player', 'viewer'}
+ROLES = roles(RunConfig())
+EXECUTABLES = {*(part.NAME for part in PARTS), 'node', 'player', 'viewer'}
 
 
 def flexarm(*words: str | Path, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:

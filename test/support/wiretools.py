@@ -32,7 +32,7 @@ from bagtools import small_messages
 from diagnostic_msgs.msg import DiagnosticStatus
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.run.parts import roles
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.runtime.joining import status
@@ -79,10 +79,10 @@ class Peers(Wire):
         self.role, self.config = role, config
         self.topics = per_tick_topics(config)
         self.timeline = Timeline.of(config.run)
-        self.boards = {r: StatusBoard(self.node, r) for r in ROLES if r != role}
+        self.boards = {r: StatusBoard(self.node, r) for r in roles(config) if r != role}
         for name, board in self.boards.items():
             board.publish(parameters=dump_sections(config, name))
-        self.inputs = [t for t in self.topics if reads(role, t)]
+        self.inputs = [t for t in self.topics if reads(role, t, config)]
         self.output = [t for t in self.topics if t.node == role]
         for topic in self.topics:
             if topic.node != role:
@@ -185,10 +185,10 @@ class Joining:
         self.context = rclpy.Context()
         rclpy.init(args=words, context=self.context)
         self.second = answering_node('controller')(words, Supervisor(), context=self.context)
-        others = len(ROLES)  # the five others and the first controller
+        others = len(roles(self.config))  # the five others and the first controller
         topic = self.second.resolve_topic_name(status.TOPIC)
         wait_for(lambda: self.second.count_publishers(topic) > others, 60, 'all seen')
-        self.hear(len(ROLES) - 1)
+        self.hear(len(roles(self.config)) - 1)
 
     def hear(self, count: int) -> None:
         """Take statuses until those of ``count`` others are here."""

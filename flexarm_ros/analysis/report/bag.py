@@ -27,7 +27,7 @@ from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.trajectory_rows import COLUMNS, header
 import numpy as np
 
 BLOCK = 512
@@ -55,7 +55,8 @@ def read_bag(
     if not parts:
         raise reader.nothing()
     table = np.concatenate(parts)
-    columns = {name: table[:, i].copy() for i, name in enumerate(COLUMNS)}
+    names = header(reader.config) if reader.has_scenario else COLUMNS
+    columns = {name: table[:, i].copy() for i, name in enumerate(names)}
     problems = [f'damaged: {reader.damage}'] if reader.damage is not None else []
     problems += [*reader.gaps, *reader.notes]
     if metrics is None:

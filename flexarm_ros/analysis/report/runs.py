@@ -51,9 +51,9 @@ class ReportedRun:
     """
     One run read from its directory.
 
-    ``columns`` maps each name of ``COLUMNS`` to an array of shape ``(rows,)``, with nan for
-    values that are not finite.  ``summary`` is the content of ``summary.json``, ``scenario``
-    its resolved parameters as ``{section: {key: value}}``.
+    ``columns`` maps each name in ``trajectory.csv``, ``COLUMNS`` first, to an array of shape
+    ``(rows,)``, with nan for values that are not finite.  ``summary`` is the content of
+    ``summary.json``, ``scenario`` its resolved parameters as ``{section: {key: value}}``.
     """
 
     directory: Path
@@ -254,7 +254,7 @@ def _read_rows(path: Path) -> Mapping[str, FloatArray]:
             table = _table(file.read().splitlines(), len(header))
     except (OSError, ValueError) as error:
         raise RunError(f'{path} cannot be read: {error}') from None
-    return {name: table[:, header.index(name)] for name in COLUMNS}
+    return {name: table[:, place] for place, name in enumerate(header)}
 
 
 def _table(lines: list[str], width: int) -> FloatArray:

@@ -81,11 +81,11 @@ def run_task(
 ) -> Row:
     """Return the row of one run; an error becomes part of it."""
     from flexarm_ros.scenario import ScenarioError, with_values
-    from flexarm_ros.scenario.plugins import find_laws_of
+    from flexarm_ros.scenario.plugins import find_plugins_of
 
     index, base, overrides = task
     try:
-        find_laws_of(bases[base])
+        find_plugins_of(bases[base])
         return {'index': index, **fly(with_values(bases[base], overrides), stop)}
     except ScenarioError as error:
         return {'index': index, 'outcome': 'invalid', 'error': str(error)}

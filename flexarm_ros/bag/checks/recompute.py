@@ -23,7 +23,8 @@ from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.parts import Answer, answering
+from flexarm_ros.core.run.part import Answer
+from flexarm_ros.core.run.parts import answering
 from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import CLOCK, COMMAND, STATE, Topic
@@ -54,7 +55,9 @@ class Nodes:
         self._plant = make_plant(config)
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
         self._parts = [
-            _Recomputed(part(config), topics) for part in answering() if part.NAME not in skip
+            _Recomputed(part(config), topics, part.reads(config))
+            for part in answering(config)
+            if part.NAME not in skip
         ]
 
     def expected(self, tick: int, now: Tick, before: Tick | None) -> dict[int, Stamped]:
@@ -101,10 +104,10 @@ class Nodes:
 class _Recomputed:
     """One part; it has memory, so recomputation stops at the first missing input."""
 
-    def __init__(self, part: Answer, topics: Sequence[Topic]) -> None:
+    def __init__(self, part: Answer, topics: Sequence[Topic], reads: Sequence[str]) -> None:
         names = [topic.name for topic in topics]
         self.part = part
-        self._reads = [names.index(name) for name in part.READS]
+        self._reads = [names.index(name) for name in reads]
         self._writes = [i for i, topic in enumerate(topics) if topic.node == part.NAME]
         self._due = 0
 

@@ -29,7 +29,7 @@ import os
 from pathlib import Path
 
 from flexarm_ros.bag.checks.recompute import loop_messages, Nodes, Stamped, Tick, Values
-from flexarm_ros.bag.errors import BagContentError
+from flexarm_ros.bag.errors import BagContentError, UnknownRoleError
 from flexarm_ros.bag.mcap.storage import METADATA_FILE
 from flexarm_ros.bag.metadata import read_counts, read_files
 from flexarm_ros.bag.provenance import Provenance
@@ -37,6 +37,7 @@ from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.parts import recorded_roles
 from flexarm_ros.scenario.errors import counted
 from flexarm_ros.scenario.recorded import RECORDER
 from flexarm_ros.wire.topics import per_tick_topics, STATE, Topic
@@ -317,11 +318,14 @@ def verify(
     ``external`` names the roles of external nodes (in addition to those named in the bag):
     their output is taken as recorded, and the closed loop is not computed.  ``given`` is the
     scenario of a bag that has none, ``namespace`` as for `BagReader`.  Raises BagError if RUN
-    cannot be read or has no scenario.
+    cannot be read or has no scenario, UnknownRoleError for a role that it does not have.
     """
     reader = BagReader(run, given, namespace)
     verdict = Verdict(planned=reader.timeline.ticks)
     unknown = frozenset(reader.unknown) - {RECORDER}
+    allowed = {*recorded_roles(reader.config), *unknown}
+    for role in sorted({*external} - allowed):
+        raise UnknownRoleError(f'{reader.path}: no part {role}: {", ".join(sorted(allowed))}')
     outside = frozenset(external) | frozenset(reader.provenance.external)
     skip = outside | unknown
     if outside:

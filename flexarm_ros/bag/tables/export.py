@@ -35,7 +35,7 @@ from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.tables.topics import BATCH, Batch, batches
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.trajectory_rows import header
 from flexarm_ros.wire.topics import Topic
 import numpy as np
 
@@ -144,7 +144,7 @@ def _write(reader: BagReader, target: Path, file_format: str) -> dict[str, int]:
                     files[batch.topic].write(_columns(batch))
         written = list(files.values())
         if reader.has_scenario:
-            written.append(opened('trajectory', COLUMNS, 0))
+            written.append(opened('trajectory', header(reader.config), 0))
             for columns in _trajectory(reader):
                 written[-1].write(columns)
     return {file.name: file.rows for file in written}

@@ -23,6 +23,7 @@ from typing import NamedTuple
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.outputs import block_rows
 from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.core.run.parts import columns
 from flexarm_ros.core.run.state import MessageState
 from flexarm_ros.core.run.trajectory_rows import Row, Rows
 from flexarm_ros.core.timeline import NS_PER_S
@@ -69,7 +70,8 @@ def _matched(reader: BagReader) -> Iterator[TickRow]:
         due += due == tick and measured is not None and torque is not None
         point, effort = _pair(measured), _pair(torque)
         if rows is not None:
-            row = rows.row(tick, arm.q, arm.qd, arm.ends[:2], point, effort)
+            further = _further(reader, tick, messages)
+            row = rows.row(tick, arm.q, arm.qd, arm.ends[:2], point, effort, further=further)
         else:
             target = _pair(_values(reader, tick, REFERENCE, messages))
             time = tick * reader.timeline.period_ns / NS_PER_S
@@ -78,6 +80,18 @@ def _matched(reader: BagReader) -> Iterator[TickRow]:
                 *target, *effort, math.nan,
             )  # fmt: skip
         yield TickRow(tick, row, due > tick)
+
+
+def _further(
+    reader: BagReader, tick: int, messages: list[bytes | None]
+) -> tuple[float, ...]:  # fmt: skip
+    """Return the values of the optional parts' columns, nan where a message is missing."""
+    places = {topic.name: i for i, topic in enumerate(reader.topics)}
+    found = []
+    for column in columns(reader.config):
+        values = _values(reader, tick, places[column.topic], messages)
+        found.append(math.nan if values is None else values[column.place])
+    return tuple(found)
 
 
 def _pair(values: tuple[float, ...] | None) -> tuple[float, float]:

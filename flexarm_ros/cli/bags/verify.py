@@ -22,7 +22,6 @@ from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.options.bags import add_bag_options, given_scenario
-from flexarm_ros.core.run.parts import RECORDED_ROLES
 
 if TYPE_CHECKING:
     from flexarm_ros.bag.checks.verify import Verdict
@@ -50,7 +49,7 @@ def add_parser(subparsers: Any) -> None:
         help='output directory of a run, or its bag; reports and sweeps are skipped',
     )  # fmt: skip
     parser.add_argument(
-        '--without', action='append', default=[], choices=RECORDED_ROLES, metavar='NODE',
+        '--without', action='append', default=[], metavar='NODE',
         help='take the messages of NODE, an external node, as recorded; may repeat',
     )  # fmt: skip
     add_bag_options(parser)

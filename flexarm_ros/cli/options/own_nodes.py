@@ -17,12 +17,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import shlex
 import shutil
 
 from flexarm_ros.cli import UsageError
-from flexarm_ros.core.run.parts import REPLACEABLE
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import replaceable
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:
@@ -35,18 +36,28 @@ def add_option(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def own_nodes(given: Sequence[tuple[str, list[str]]]) -> dict[str, list[str]]:
-    """Return ``{node: words}``; UsageError if a node is named twice."""
+def own_nodes(
+    given: Sequence[tuple[str, list[str]]], configs: Iterable[RunConfig]
+) -> dict[str, list[str]]:
+    """Return ``{node: words}``; UsageError if a node is named twice, or none of a scenario's."""
     found = dict(given)
     if len(found) < len(given):
         raise UsageError('--node: a node is given twice')
+    for config in configs:
+        check_roles('--node', found, config)
     return found
+
+
+def check_roles(option: str, given: Iterable[str], config: RunConfig) -> None:
+    """Raise UsageError for a role that an external node cannot fill in this scenario."""
+    allowed = replaceable(config)
+    for role in given:
+        if role not in allowed:
+            raise UsageError(f"{option}: '{role}' is none of {', '.join(allowed)}")
 
 
 def _assignment(text: str) -> tuple[str, list[str]]:
     node, _, command = text.partition('=')
-    if node not in REPLACEABLE:
-        raise argparse.ArgumentTypeError(f"'{node}' is none of {', '.join(REPLACEABLE)}")
     try:
         words = shlex.split(command)
     except ValueError as error:

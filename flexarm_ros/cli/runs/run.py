@@ -24,12 +24,10 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.recording import default_name
-from flexarm_ros.cli.options import domain
-from flexarm_ros.cli.options import namespace
 from flexarm_ros.cli import UsageError
-from flexarm_ros.cli.options.own_nodes import add_option, own_nodes
+from flexarm_ros.cli.options import domain, namespace
+from flexarm_ros.cli.options.own_nodes import add_option, check_roles, own_nodes
 from flexarm_ros.cli.signals import Deferred
-from flexarm_ros.core.run.parts import REPLACEABLE
 
 _NO_ROS = (
     'rclpy is not installed: run `make env` (x86_64 Linux), or source a ROS 2 installation; '
@@ -66,9 +64,9 @@ def add_parser(subparsers: Any) -> None:
         parser, 'namespace of all nodes and topics but /clock; also to be set in a --node command'
     )
     parser.add_argument(
-        '--without', action='append', default=[], choices=REPLACEABLE, metavar='NODE',
-        help='do not start NODE, an external node replaces it; may repeat '
-        f"({', '.join(REPLACEABLE)})",
+        '--without', action='append', default=[], metavar='NODE',
+        help='do not start NODE, an external node replaces it; may repeat (a part of the scenario '
+        'except plant and recorder: flexarm list --parts)',
     )  # fmt: skip
     add_option(parser)
     parser.add_argument(
@@ -88,6 +86,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(_NO_ROS)
     from flexarm_ros.launcher.run import run_scenario, RunOptions
 
+    check_roles('--without', args.without, config)
+    nodes = own_nodes(args.nodes, [config])
     name = Path(args.scenario).stem
     chosen = domain.chosen_domain(args.domain)
     space = namespace.checked(args.namespace)
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
         namespace=space,
         domain=chosen,
         without=tuple(args.without),
-        nodes=own_nodes(args.nodes),
+        nodes=nodes,
         discovery='SUBNET' if args.network else 'LOCALHOST',
     )
     told: list[str] = []

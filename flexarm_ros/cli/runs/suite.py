@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     suite = load(args.suite)
     if args.mode:
         suite = replace(suite, cases=tuple(_flown(case, args.mode) for case in suite.cases))
-    nodes = own_nodes(args.nodes)
+    nodes = own_nodes(args.nodes, (case.config for case in suite.cases))
     processes = any(case.mode != 'simulate' for case in suite.cases)
     if processes and importlib.util.find_spec('rclpy') is None:
         raise UsageError('rclpy is not installed (`make env`); --mode simulate needs no ROS')

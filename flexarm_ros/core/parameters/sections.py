@@ -24,7 +24,7 @@ name in the file if it differs from the field's (a law's gain, ``lqg.horizon``).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 from flexarm_ros.core.parameters.changes import Change
@@ -45,11 +45,12 @@ __all__ = [
     'TipSensorParameters',
     'TrajectoryParameters',
     'changed',
-    'held_field',
+    'is_optional',
     'keys',
     'made',
     'specs',
     'values_of',
+    'with_section',
 ]
 
 
@@ -336,7 +337,7 @@ SECTIONS: dict[str, type] = {
     'controller': ControllerParameters,
     'recorder': RecorderParameters,
 }
-"""Section name in a scenario file -> class of its keys."""
+"""Section name in a scenario file -> class of its keys; those of optional parts are last."""
 
 
 @dataclass(frozen=True)
@@ -368,8 +369,10 @@ class RunConfig:
 
     ``torques`` holds the rows of the torque file, shape ``(rows, 3)`` as
     nested tuples ``(t, tau1, tau2)``, empty unless the law is ``open_loop``.
-    ``changes`` are the live parameters that were set during a recorded run; a scenario file has
-    none.  ``pace`` does not affect the numbers of the run and is not recorded.
+    ``further`` holds ``(section, parameters)`` of the optional parts that take part, in order of
+    names; see `section`.  ``changes`` are the live parameters that were set during a recorded
+    run; a scenario file has none.  ``pace`` does not affect the numbers of the run and is not
+    recorded.
     """
 
     run: RunParameters = RunParameters()
@@ -382,6 +385,30 @@ class RunConfig:
     torques: tuple[tuple[float, float, float], ...] = ()
     changes: tuple[Change, ...] = ()
     pace: PaceParameters = PaceParameters()
+    further: tuple[tuple[str, Any], ...] = ()
+
+    def section(self, name: str) -> Any:
+        """Return a section by its name in a file, None for an optional one that is absent."""
+        if name in _FIELDS:
+            return getattr(self, _FIELDS[name])
+        return dict(self.further).get(name)
+
+
+_FIELDS = {'/**': 'run'} | {f.name: f.name for f in fields(RunConfig) if f.name in SECTIONS}
+"""Section of the required parts and of the run -> field of `RunConfig`."""
+
+
+def is_optional(section: str) -> bool:
+    """Return whether a section belongs to a part that a scenario may do without."""
+    return section not in _FIELDS
+
+
+def with_section(config: RunConfig, section: str, held: Any) -> RunConfig:
+    """Return ``config`` with one section replaced, or with that of an optional part."""
+    if section in _FIELDS:
+        return replace(config, **{_FIELDS[section]: held})
+    rest = {**dict(config.further), section: held}
+    return replace(config, further=tuple(sorted(rest.items())))
 
 
 def _own_laws() -> Iterator[tuple[str, OwnLaw]]:
@@ -405,18 +432,16 @@ def keys(section: str) -> dict[str, tuple[str, Spec, Any]]:
     return known
 
 
-def held_field(section: str) -> str:
-    """Return the field of `RunConfig` that holds a section."""
-    return 'run' if section == '/**' else section
-
-
 def values_of(config: RunConfig, section: str) -> dict[str, Any]:
     """
     Return ``{key: value}`` of a section.
 
-    A registered law's keys are in it where the law flies or one of them is not at its default.
+    A registered law's keys are in it where the law flies or one of them is not at its default; an
+    optional section that is absent has none.
     """
-    held = getattr(config, held_field(section))
+    held = config.section(section)
+    if held is None:
+        return {}
     values = {key: getattr(held, name) for key, (name, _, _) in specs(SECTIONS[section]).items()}
     if section == 'controller':
         told = dict(held.laws)
@@ -458,4 +483,4 @@ def changed(config: RunConfig, change: Change) -> RunConfig:
     if not spec.live:
         raise KeyError(f'{change.node}.{change.key}')
     values = {**values_of(config, change.node), change.key: change.value}
-    return replace(config, **{held_field(change.node): made(change.node, values)})
+    return with_section(config, change.node, made(change.node, values))

@@ -21,6 +21,7 @@ from flexarm_ros.core.control.design.motion import horizon_ns
 from flexarm_ros.core.control.open_loop import check_torques
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.make_plant import check_substeps
+from flexarm_ros.core.run.parts import check_parts
 from flexarm_ros.core.sensing.sensors import check_location, ticks_per_sample
 from flexarm_ros.core.timeline import clock_ticks, named_ns, Timeline
 from flexarm_ros.core.trajectory import check_reachable, initial_angles
@@ -32,6 +33,7 @@ def check(config: RunConfig) -> None:
 
     Each value is taken to be within its own :class:`Spec` already.
     """
+    check_parts(config)
     timeline = Timeline.of(config.run)
     for key, seconds in (
         ('encoder.latency', config.encoder.latency),

@@ -23,21 +23,13 @@ from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.parts import (
-    Answers,
-    COMMAND,
-    ControllerPart,
-    JOINT_STATES,
-    REFERENCE,
-    signals,
-    TIP,
-)
+from flexarm_ros.core.run.part import COMMAND, JOINT_STATES, REFERENCE, TIP
+from flexarm_ros.core.run.parts import Answers, ControllerPart, place
 from flexarm_ros.core.run.state import Four, State
 from flexarm_ros.core.sensing.sensors import Measurement
 from flexarm_ros.core.timeline import Timeline
 
-_NAMES = [signal.name for _, signal in signals(RunConfig())]
-_ENCODER, _TIP, _REFERENCE, _COMMAND = map(_NAMES.index, (JOINT_STATES, TIP, REFERENCE, COMMAND))
+_ENCODER, _TIP, _REFERENCE, _COMMAND = map(place, (JOINT_STATES, TIP, REFERENCE, COMMAND))
 
 
 class TickRecord(NamedTuple):
@@ -87,11 +79,6 @@ class TickRecord(NamedTuple):
     def torque(self) -> tuple[float, float]:
         """Return tau1, tau2, N m."""
         return self.messages[_COMMAND]  # type: ignore[no-any-return]
-
-    @property
-    def more(self) -> tuple[Measurement, ...]:
-        """Return as ``tip``, of each of the sensors at ``tip_sensor.more_locations``."""
-        return self.messages[len(_NAMES) :]
 
 
 class ClosedLoop:

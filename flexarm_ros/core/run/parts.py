@@ -15,8 +15,8 @@
 """
 The parts of a run, each declared once: its role, what it reads, what it publishes, how it answers.
 
-What a run consists of follows from `PARTS`: the loop in one process, the recomputation
-that proves a bag, the table of topics, the roles of the launcher and of the command
+What a run consists of follows from `parts_of` its scenario: the loop in one process, the
+recomputation that proves a bag, the table of topics, the roles of the launcher and of the command
 line, and the nodes that do no more than answer.
 """
 
@@ -24,9 +24,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import itemgetter
-from typing import Any, ClassVar, TYPE_CHECKING
+import re
+from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS
+from flexarm_ros.core.run.part import (
+    Answer,
+    CLOCK,
+    Column,
+    COMMAND,
+    JOINT_STATES,
+    Part,
+    REFERENCE,
+    STATE,
+    TIP,
+)
 from flexarm_ros.core.signals import (
     Clock,
     coordinate_names,
@@ -42,71 +54,6 @@ from flexarm_ros.core.timeline import clock_ticks
 if TYPE_CHECKING:
     from flexarm_ros.core.run.state import Four, State
     from flexarm_ros.core.sensing.sensors import Measurement
-
-CLOCK, STATE = '/clock', 'plant/state'
-JOINT_STATES, TIP = 'joint_states', 'tip_sensor/odometry'
-REFERENCE, COMMAND = 'reference', 'joint_command'
-
-
-class Part:
-    """
-    One role of a run.
-
-    ``NAME`` is the role, the section of a scenario and the executable; ``READS`` are the
-    topics that it needs of a tick, in the order of `answer`'s arguments, the one that comes
-    last first.  ``FOR_THE_RECORD`` reads every topic.  ``REPLACEABLE``: a node of somebody
-    else's may fill the role.  ``LATE``: what it publishes is as old as it says, a sensor's
-    sample; otherwise the stamp is the tick's.  ``AHEAD``: it publishes before its time.
-    """
-
-    NAME: ClassVar[str]
-    READS: ClassVar[tuple[str, ...]] = ()
-    FOR_THE_RECORD: ClassVar[bool] = False
-    REPLACEABLE: ClassVar[bool] = True
-    LATE: ClassVar[bool] = False
-    AHEAD: ClassVar[bool] = False
-
-    @classmethod
-    def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return what this part publishes at each tick."""
-        return ()
-
-    @classmethod
-    def further_signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return what it publishes beside that, behind the signals of all parts in a bag."""
-        return ()
-
-
-class Answer(Part):
-    """A part that answers each tick's inputs, and does nothing else."""
-
-    def __init__(self, config: RunConfig) -> None:
-        raise NotImplementedError
-
-    def answer(self, k: int, *inputs: Any) -> Any:
-        """
-        Return the values of tick ``k``, called once a tick, in order.
-
-        ``inputs`` are the values of ``READS``, a `State` for ``plant/state``.  The values are a
-        tuple, ``LATE`` with the stamp, ns, in front; a tuple of such where
-        `further_signals` are published too.
-        """
-        raise NotImplementedError
-
-    @property
-    def title(self) -> str:
-        """Return what it is called where it is at fault."""
-        return self.NAME
-
-    def fault(self, k: int, message: Any) -> str | None:
-        """Return what is wrong with the answer of tick ``k``, so that the run cannot go on."""
-        return None
-
-    def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` where a live parameter of ``config`` cannot be taken."""
-
-    def retune(self, config: RunConfig) -> None:
-        """Take the live parameters of ``config`` from the next tick on."""
 
 
 class PlantPart(Part):
@@ -168,6 +115,11 @@ class TipSensorPart(Answer):
         """Return the points that are for the record only."""
         further = range(1, len(config.tip_sensor.more_locations or ()) + 1)
         return tuple(cls._signal(config, f'_{number}') for number in further)
+
+    @classmethod
+    def holds(cls, config: RunConfig) -> bool:
+        """Return whether there is not a sample at every tick."""
+        return config.tip_sensor.rate > 0.0
 
     @classmethod
     def _signal(cls, config: RunConfig, suffix: str) -> Signal:
@@ -257,35 +209,138 @@ class RecorderPart(Part):
     REPLACEABLE = False
 
 
+_TOPIC = re.compile(r'/?[A-Za-z]\w*(/[A-Za-z]\w*)*', re.ASCII)
+
 PARTS: tuple[type[Part], ...] = (
     PlantPart, EncoderPart, TipSensorPart, TrajectoryPart, ControllerPart, RecorderPart,
 )  # fmt: skip
-"""In the order in which a tick's data flow."""
+"""This package's parts, in the order in which a tick's data flow."""
 
-ROLES = tuple(part.NAME for part in PARTS)
-RECORDED_ROLES = tuple(part.NAME for part in PARTS if not part.FOR_THE_RECORD)
-REPLACEABLE = tuple(part.NAME for part in PARTS if part.REPLACEABLE)
+PLUGINS: dict[str, type[Part]] = {}
+"""Parts of other packages that have been registered, by role."""
 
 
-def answering() -> tuple[type[Answer], ...]:
+def register_part(part: type[Part]) -> None:
+    """
+    Let scenarios with a section of the part's name have this part.
+
+    The class is taken as it is: who registers it has checked it
+    (`flexarm_ros.scenario.plugins`).
+    """
+    assert part.Parameters is not None
+    PLUGINS[part.NAME] = part
+    SECTIONS[part.NAME] = part.Parameters
+
+
+for _part in PARTS:
+    if _part.Parameters is not None:
+        SECTIONS[_part.NAME] = _part.Parameters
+
+
+def known_parts() -> tuple[type[Part], ...]:
+    """Return every part that a scenario may have, those of other packages before the recorder."""
+    record = [part for part in PARTS if part.FOR_THE_RECORD]
+    return (*(part for part in PARTS if part not in record), *PLUGINS.values(), *record)
+
+
+def parts_of(config: RunConfig) -> tuple[type[Part], ...]:
+    """
+    Return the parts of a scenario, each behind those that it reads; the plant closes the loop.
+
+    Raises ``ValueError`` where none of them publishes what one of them reads.
+    """
+    left = [p for p in known_parts() if p.Parameters is None or config.section(p.NAME) is not None]
+    found: list[type[Part]] = []
+    published: set[str] = set()
+    while left:
+        part = next((p for p in left if p is PlantPart or published >= {*p.reads(config)}), None)
+        if part is None:
+            missing = next(name for name in left[0].reads(config) if name not in published)
+            raise ValueError(
+                f'{left[0].NAME}: reads {missing}, which no part of this scenario publishes before'
+            )
+        left.remove(part)
+        found.append(part)
+        published |= {s.name for s in (*part.signals(config), *part.further_signals(config))}
+    return (*(p for p in found if not p.FOR_THE_RECORD), *(p for p in found if p.FOR_THE_RECORD))
+
+
+def roles(config: RunConfig) -> tuple[str, ...]:
+    """Return the roles of a scenario, the recorder's last."""
+    return tuple(part.NAME for part in parts_of(config))
+
+
+def recorded_roles(config: RunConfig) -> tuple[str, ...]:
+    """Return the roles whose messages are recorded."""
+    return tuple(part.NAME for part in parts_of(config) if not part.FOR_THE_RECORD)
+
+
+def replaceable(config: RunConfig) -> tuple[str, ...]:
+    """Return the roles that an external node may fill."""
+    return tuple(part.NAME for part in parts_of(config) if part.REPLACEABLE)
+
+
+def answering(config: RunConfig) -> tuple[type[Answer], ...]:
     """Return the parts that answer, in the order of a tick."""
-    return tuple(part for part in PARTS if issubclass(part, Answer))
+    return tuple(part for part in parts_of(config) if issubclass(part, Answer))
 
 
-def answer_of(role: str) -> type[Answer]:
-    """Return the answering part with this role."""
-    return next(part for part in answering() if role == part.NAME)
+def part_of(role: str) -> type[Part]:
+    """Return the part with this role; ``KeyError`` where there is none."""
+    return {part.NAME: part for part in known_parts()}[role]
 
 
 def signals(config: RunConfig) -> tuple[tuple[type[Part], Signal], ...]:
-    """Return every signal of a run with its part, in the order of a tick in a bag."""
-    first = [(part, signal) for part in PARTS for signal in part.signals(config)]
-    return (*first, *((p, signal) for p in PARTS for signal in p.further_signals(config)))
+    """
+    Return every signal of a run with its part, in the order of a tick in a bag.
+
+    The required parts' come first, and so have the same places in every scenario; behind them
+    their further signals, then those of optional parts.
+    """
+    parts = parts_of(config)
+    required = [part for part in parts if part.Parameters is None]
+    return (
+        *((part, signal) for part in required for signal in part.signals(config)),
+        *((part, signal) for part in required for signal in part.further_signals(config)),
+        *(
+            (part, signal)
+            for part in parts
+            if part.Parameters is not None
+            for signal in (*part.signals(config), *part.further_signals(config))
+        ),
+    )
 
 
-def readers(topic: str) -> tuple[str, ...]:
+def place(topic: str) -> int:
+    """Return the place of a required part's topic among `signals`, the same in every scenario."""
+    return [signal.name for _, signal in signals(RunConfig())].index(topic)
+
+
+def readers(topic: str, config: RunConfig) -> tuple[str, ...]:
     """Return the roles that read ``topic``; any is read for the record."""
-    return tuple(part.NAME for part in PARTS if topic in part.READS or part.FOR_THE_RECORD)
+    return tuple(
+        part.NAME
+        for part in parts_of(config)
+        if part.FOR_THE_RECORD or topic in part.reads(config)
+    )
+
+
+def columns(config: RunConfig) -> tuple[Column, ...]:
+    """Return the columns of ``trajectory.csv`` that optional parts add."""
+    return tuple(column for part in parts_of(config) for column in part.columns(config))
+
+
+def check_parts(config: RunConfig) -> None:
+    """Raise ``ValueError`` where the scenario does not fit a part, or two parts do not fit."""
+    owners: dict[str, str] = {}
+    for part, signal in signals(config):
+        if not _TOPIC.fullmatch(signal.name):
+            raise ValueError(f'{part.NAME}: {signal.name!r} is not the name of a topic')
+        if signal.name in owners:
+            raise ValueError(f'{part.NAME}: {owners[signal.name]} publishes {signal.name} too')
+        owners[signal.name] = part.NAME
+    for part in parts_of(config):
+        part.check(config)
 
 
 Step = Callable[[int], None]
@@ -300,9 +355,10 @@ class Answers:
     """
 
     def __init__(self, config: RunConfig) -> None:
-        self.parts = {part.NAME: part(config) for part in answering()}
+        self.parts = {part.NAME: part(config) for part in answering(config)}
         wired = signals(config)
-        place = {signal.name: i for i, (_, signal) in enumerate(wired)}
+        self.places = place = {signal.name: i for i, (_, signal) in enumerate(wired)}
+        """Topic -> its place in ``messages``."""
         self.late = [part.LATE for part, _ in wired]
         """Whether each of ``messages`` has its stamp."""
         self.messages: list[Any] = [None] * len(wired)
@@ -311,7 +367,8 @@ class Answers:
         self._steps: list[Step] = []
         for part in self.parts.values():
             writes = [i for i, (owner, _) in enumerate(wired) if owner is type(part)]
-            self._steps.append(self._step(part, [place[name] for name in part.READS], writes))
+            reads = [place[name] for name in part.reads(config)]
+            self._steps.append(self._step(part, reads, writes))
 
     def _step(self, part: Answer, reads: Sequence[int], writes: Sequence[int]) -> Step:
         """Return what lets ``part`` answer a tick; apart by number of inputs for speed."""

@@ -29,6 +29,7 @@ from flexarm_ros.core.control import gain_of
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.parts import columns
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import Reference
 
@@ -37,9 +38,14 @@ COLUMNS = (
     'tip_x', 'tip_y', 'rigid_x', 'rigid_y', 'meas_x', 'meas_y', 'ref_x', 'ref_y', 'tau1', 'tau2',
     'lambda',
 )  # fmt: skip
-"""Header of ``trajectory.csv``: s, rad, rad/s, m, N m."""
+"""Header of ``trajectory.csv`` as far as it is the same in every run: s, rad, rad/s, m, N m."""
 
 Row = tuple[float, ...]
+
+
+def header(config: RunConfig) -> tuple[str, ...]:
+    """Return the header of ``trajectory.csv``: `COLUMNS`, then those of optional parts."""
+    return (*COLUMNS, *(column.name for column in columns(config)))
 
 
 class Rows:
@@ -51,7 +57,7 @@ class Rows:
     """
 
     def __init__(self, config: RunConfig, external: Collection[str] = ()) -> None:
-        self._config = config
+        self.config = config
         self._own_law = 'controller' not in external
         self._own_reference = 'trajectory' not in external
         self._agenda = Agenda(config.changes)
@@ -71,25 +77,27 @@ class Rows:
         measured: tuple[float, float],
         torque: tuple[float, float],
         published: tuple[float, float] = (math.nan, math.nan),
+        further: tuple[float, ...] = (),
     ) -> Row:
         """
-        Return the row of tick ``k`` in the order of :data:`COLUMNS`.
+        Return the row of tick ``k`` in the order of `header`.
 
         ``q``, ``qd`` ``(n,)``: plant coordinates and rates; ``deflection``:
         delta1, delta2 (m); ``measured``: x, y of the sensed point as delivered
         (m); ``torque``: tau1, tau2 (N m); ``published``: x, y of the reference as
-        recorded, which counts if the trajectory was external.
+        recorded, which counts if the trajectory was external; ``further``: the values of the
+        optional parts' columns.
         """
         if k >= self._agenda.next:  # lambda depends on kn
             for change in self._agenda.due(k):
-                self._config = changed(self._config, change)
+                self.config = changed(self.config, change)
         reference = self._reference.at(k) if self._own_reference else published
         joints_and_points = outline(q, qd, *self._lengths, *self._shapes)
         th1, th2, dth1, dth2 = joints_and_points[:4]
         return (
             k * self._period_ns / NS_PER_S, th1, th2, dth1, dth2, *deflection,
             *joints_and_points[4:], *measured, reference[0], reference[1], *torque,
-            gain_of(self._config, *deflection) if self._own_law else math.nan,
+            gain_of(self.config, *deflection) if self._own_law else math.nan, *further,
         )  # fmt: skip
 
 

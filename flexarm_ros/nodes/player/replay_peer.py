@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 import time
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.run.parts import roles
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import publisher_fault, subscriber_faults
@@ -58,7 +58,9 @@ class ControllerSeat:
             callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
         self._waiter = Waiter(node.context)
-        self._boards = {role: StatusBoard(node, role) for role in ROLES if role != 'controller'}
+        self._boards = {
+            role: StatusBoard(node, role) for role in roles(config) if role != 'controller'
+        }
         for role, board in self._boards.items():
             board.publish(parameters=dump_sections(config, role), phase=Phase.READY)
         self._largest = 0.0

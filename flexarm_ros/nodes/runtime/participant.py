@@ -74,7 +74,7 @@ class Participant(MemberNode):
         for topic in per_tick_topics(self.config):
             if topic.node == self.ROLE and topic.name not in self.outputs:
                 self.outputs[topic.name] = Output(self, topic)
-            elif reads(self.ROLE, topic) and topic.name not in self.inputs:
+            elif reads(self.ROLE, topic, self.config) and topic.name not in self.inputs:
                 self.inputs[topic.name] = Input(self, topic, self.invalid_message)
 
     # --- for roles ---------------------------------------------------------------------

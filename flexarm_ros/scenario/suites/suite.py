@@ -46,7 +46,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import ROLES
+from flexarm_ros.core.run.parts import roles
 from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find, first_comment, shipped, shipped_suites
@@ -281,7 +281,7 @@ def _read_fault(tree: Tree, where: str, config: RunConfig) -> Fault:
     if ('for' in entries) != (action == 'delay'):
         raise ScenarioError(f"{where}.for: the seconds of action 'delay', and of no other")
     seconds = as_number(entries['for'], f'{where}.for', 0.0) if 'for' in entries else 0.0
-    return Fault(at, as_text(entries['node'], f'{where}.node', ROLES), action, seconds)
+    return Fault(at, as_text(entries['node'], f'{where}.node', roles(config)), action, seconds)
 
 
 def _read_comparisons(

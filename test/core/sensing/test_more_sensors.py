@@ -39,13 +39,13 @@ def test_each_measures_its_own_place(tmp_path: Path) -> None:
     for _ in range(50):
         record = loop.tick()
         assert record is not None
-    for place, measured in zip((4.5, 6.75, 9.0), record.more, strict=True):
+    for place, measured in zip((4.5, 6.75, 9.0), record.messages[COMMAND + 1 :], strict=True):
         assert measured[1:] == make_point(config.plant, place, False)(record.q, record.qd)
-    assert record.more[2] == record.tip  # the same place, no noise
+    assert record.messages[COMMAND + 3] == record.tip  # the same place, no noise
     noisy = replace(config, tip_sensor=replace(config.tip_sensor, noise_std=0.01))
     first = ClosedLoop(noisy).tick()
     assert first is not None
-    assert first.more[2] != first.tip  # noise of its own
+    assert first.messages[COMMAND + 3] != first.tip  # noise of its own
     without = replace(noisy, tip_sensor=replace(noisy.tip_sensor, more_locations=None))
     alone = ClosedLoop(without).tick()
     assert alone is not None

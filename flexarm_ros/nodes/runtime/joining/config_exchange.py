@@ -23,7 +23,6 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.sections import (
-    held_field,
     keys,
     made,
     RunConfig,
@@ -31,7 +30,9 @@ from flexarm_ros.core.parameters.sections import (
     SECTIONS,
     specs,
     values_of,
+    with_section,
 )
+from flexarm_ros.scenario.errors import clip
 from flexarm_ros.scenario.plugins import find_laws
 
 
@@ -40,9 +41,21 @@ class Disagreement(ValueError):
 
 
 def dump_sections(config: RunConfig, role: str) -> str:
-    """Return the common section and that of ``role`` as JSON (floats read back exactly)."""
-    sections = {held_field(name): values_of(config, name) for name in ('/**', role)}
+    """
+    Return the common section and that of ``role`` as JSON (floats read back exactly).
+
+    ``optional`` lists the optional parts of the scenario, if any.
+    """
+    sections: dict[str, Any] = {'run': values_of(config, '/**')}
+    if role in SECTIONS:
+        sections[role] = values_of(config, role)
+    if config.further:
+        sections['optional'] = _optional(config)
     return json.dumps(sections)
+
+
+def _optional(config: RunConfig) -> list[str]:
+    return [name for name, _ in config.further]
 
 
 def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
@@ -50,16 +63,17 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
     Return ``own`` with each peer's section as the peer told it.
 
     ``told`` maps a role to its node's name and its sections as JSON.  Raises
-    Disagreement where a common parameter differs, or where what a node told is
-    not a scenario's: it came over the network, so it is checked as a file is.
+    Disagreement where a common parameter or the list of optional parts differs, or where what a
+    node told is not a scenario's: it came over the network, so it is checked as a file is.
     """
-    merged: dict[str, Any] = {}
+    merged = own
     for role, (node, text) in told.items():
         if role not in SECTIONS:
             continue
         try:
             sections = json.loads(text)
             common = _section('/**', sections['run'])
+            optional = [str(name) for name in sections.get('optional', [])]
             held = _section(role, sections[role])
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
             raise Disagreement(f'{node} tells no parameters of a {role}') from None
@@ -67,8 +81,13 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
             here, there = getattr(own.run, item.name), getattr(common, item.name)
             if here != there:
                 raise Disagreement(f'/**.{item.name} is {here!r} here and {there!r} in {node}')
-        merged[role] = held
-    return _checked(replace(own, **merged))
+        if optional != _optional(own):
+            parts = [', '.join(names) or 'none' for names in (_optional(own), optional)]
+            raise Disagreement(
+                f'optional parts of the scenario: {parts[0]} here and {clip(parts[1])} in {node}'
+            )
+        merged = with_section(merged, role, held)
+    return _checked(merged)
 
 
 def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
@@ -77,8 +96,11 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
 
     ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
     travel in no status, an external controller tells nothing, a law of another package may not
-    be installed here: the law then counts as one without lambda.
+    be installed here: the law then counts as one without lambda.  Optional parts are left out:
+    a viewer shows the required ones.
     """
+    own = replace(own, further=())
+    told = {role: (node, _required(text)) for role, (node, text) in told.items()}
     try:
         common = _section('/**', json.loads(told['plant'][1])['run'])
         law = json.loads(told['controller'][1]) if 'controller' in told else {}
@@ -92,6 +114,14 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
     if not law:
         own = replace(own, controller=replace(own.controller, law='pd', torque_file=None))
     return merge_sections(replace(own, run=common), told)
+
+
+def _required(text: str) -> str:
+    """Return what a node tells without the list of optional parts."""
+    try:
+        return json.dumps({k: v for k, v in json.loads(text).items() if k != 'optional'})
+    except (ValueError, AttributeError, RecursionError):
+        return text  # refused where it is merged
 
 
 def _is_flyable(controller: Mapping[str, Any]) -> bool:

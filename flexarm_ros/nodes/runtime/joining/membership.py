@@ -22,7 +22,7 @@ import time
 from typing import Any, NoReturn
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import readers, ROLES
+from flexarm_ros.core.run.parts import part_of, readers, roles
 from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import (
     connects,
@@ -48,7 +48,7 @@ from flexarm_ros.nodes.runtime.joining.status import (
 from flexarm_ros.nodes.runtime.member import MemberNode
 from flexarm_ros.nodes.runtime.process.middleware import gid_prefix, name, source_of
 from flexarm_ros.nodes.runtime.process.supervisor import interrupted
-from flexarm_ros.nodes.runtime.topics.graph import OUTPUT, read_by
+from flexarm_ros.nodes.runtime.topics.graph import output_of
 from flexarm_ros.nodes.runtime.topics.identity import node_of, sender_of, SenderInfo, UNKNOWN_NODE
 from rclpy.publisher import Publisher
 
@@ -101,7 +101,7 @@ class Membership:
     def required(self) -> list[str]:
         """Return the roles that the run needs, this node's own left out."""
         skip = {self._me.ROLE} if self.config.run.record else {self._me.ROLE, 'recorder'}
-        return [role for role in ROLES if role not in skip]
+        return [role for role in roles(self.config) if role not in skip]
 
     def own_parameters(self) -> str:
         """Return this node's section and the common one as JSON, for the peers."""
@@ -189,7 +189,7 @@ class Membership:
             starting = not plant_of(other) or other.text.startswith(AT_START)
             told = self._board.mine.identity in heard_by(other)
             if other.phase is Phase.FAILED and starting and told and not interrupted(other.text):
-                role = other.role if other.role in ROLES else ''
+                role = other.role if other.role in roles(self.config) else ''
                 raise RunFailed(other.blame or role, other.text, reported_by=role)
 
     def _check_compatibility(self, now: float) -> None:
@@ -231,10 +231,9 @@ class Membership:
 
     def _external_reader(self, topic: str, source: bytes) -> str:
         """Return the role of the external node from ``source`` that reads ``topic``, or none."""
-        for role in readers(topic):
-            if role in OUTPUT and any(
-                source_of(e) == source for e in self._strangers(OUTPUT[role])
-            ):
+        for role in readers(topic, self.config):
+            own = output_of(role, self.config)
+            if own and any(source_of(e) == source for e in self._strangers(own)):
                 return role
         return ''
 
@@ -301,8 +300,8 @@ class Membership:
         if ours:
             self.external.discard(role)
             return True
-        topic = OUTPUT.get(role)
-        if topic is None or not self._listening(role, self._strangers(topic)):
+        topic = output_of(role, self.config)
+        if not topic or not self._listening(role, self._strangers(topic)):
             self._external_since.pop(role, None)
             return False
         since = self._external_since.setdefault(role, now)
@@ -319,7 +318,7 @@ class Membership:
         in between would cost it the first message.
         """
         senders = {source_of(endpoint) for endpoint in strangers}
-        topics = read_by(role)
+        topics = part_of(role).reads(self.config)
         readers = {
             source_of(endpoint)
             for topic in topics
@@ -420,14 +419,14 @@ class Membership:
             return False
         assert self._board.sender_info is not None
         # One that holds its samples says the same again.
-        held = entry.source == 'tip_sensor' and self._me.config.tip_sensor.rate > 0.0
+        held = part_of(entry.source).holds(self.config)
         rising = entry.source in self.external and not held
         entry.bind(mine[0], self._board.sender_info, rising)
         return True
 
     def heard(self, topic: str, publisher: Publisher) -> bool:
         """Whether the readers are there, and the middleware has connected as many as it sees."""
-        roles = [r for r in readers(topic) if r in self.required()]
+        roles = [r for r in readers(topic, self.config) if r in self.required()]
         endpoints = self._me.get_subscriptions_info_by_topic(publisher.topic_name)
         for role in roles:
             if role in self.external:

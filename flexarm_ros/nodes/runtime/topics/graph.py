@@ -20,13 +20,9 @@ from importlib import import_module
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import PARTS, readers
+from flexarm_ros.core.run.parts import part_of, readers
 from flexarm_ros.wire.topics import Qos, Topic
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-OUTPUT = {part.NAME: own[-1].name for part in PARTS if (own := part.signals(RunConfig()))}
-"""The topic by which a node of somebody else's is recognised to fill a role."""
-
 
 RECORDED_TOPIC = 'lockstep/recorded'
 """std_msgs/UInt64 from the recorder: ticks that are whole in the bag."""
@@ -53,11 +49,12 @@ def qos_profile(qos: Qos) -> QoSProfile:
     )
 
 
-def reads(role: str, topic: Topic) -> bool:
+def reads(role: str, topic: Topic, config: RunConfig) -> bool:
     """Whether ``role`` reads ``topic``."""
-    return role in readers(topic.name)
+    return role in readers(topic.name, config)
 
 
-def read_by(role: str) -> tuple[str, ...]:
-    """Return the topics that the part of ``role`` needs of a tick."""
-    return next(part.READS for part in PARTS if role == part.NAME)
+def output_of(role: str, config: RunConfig) -> str:
+    """Return the topic by which an external node is recognised to fill a role, or none."""
+    own = part_of(role).signals(config)
+    return own[-1].name if own else ''
