@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 import errno
 from functools import partial
@@ -102,6 +103,7 @@ def run_scenario(
     faults: FaultPlan | None = None,
     verdict: Callable[[str], None] = lambda _: None,
     work: Work = lambda *_: None,
+    beside: Callable[[int], AbstractContextManager[None]] = lambda _: nullcontext(),
 ) -> RunOutcome:
     """
     Run ``config`` as ROS 2 nodes and return the outcome.
@@ -109,7 +111,8 @@ def run_scenario(
     ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
     says True the run is ended in good order.  ``verdict`` gets the outcome's ``problem`` as soon
     as a node has made the run fail, before the nodes have ended and the files are finished;
-    ``work`` is told how far the mending of the bag is.  Raises NoDomainError, OSError or
+    ``work`` is told how far the mending of the bag is; ``beside`` gives, for the ROS domain, a
+    context that lasts as long as the nodes run.  Raises NoDomainError, OSError or
     BagError before anything is started, BagError too where the files of a run without a
     problem cannot be finished.
     """
@@ -125,7 +128,7 @@ def run_scenario(
         commands = _commands(config, name, directory, options, faults)
         environment, logs = _environment(domain, options), directory / 'logs'
         for again in (True, False):
-            with NodeProcesses(
+            with beside(domain), NodeProcesses(
                 commands, environment, logs, options.nodes,
                 scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
             ) as nodes:  # fmt: skip
@@ -160,6 +163,7 @@ def finish(
     interrupted: bool,
     external: Sequence[str] = (),
     work: Work = lambda *_: None,
+    beside: Callable[[int], AbstractContextManager[None]] = lambda _: nullcontext(),
 ) -> RunOutcome:
     """
     Write what is left to write when all nodes have ended; return how the run went.

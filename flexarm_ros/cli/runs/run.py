@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import AbstractContextManager, nullcontext
 import importlib.util
 from pathlib import Path
 import sys
@@ -25,7 +26,7 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.bag.recording import default_name
 from flexarm_ros.cli import UsageError
-from flexarm_ros.cli.options import domain, namespace
+from flexarm_ros.cli.options import domain, namespace, page
 from flexarm_ros.cli.options.own_nodes import add_option, check_roles, own_nodes
 from flexarm_ros.cli.signals import Deferred
 
@@ -73,6 +74,7 @@ def add_parser(subparsers: Any) -> None:
         '--network', action='store_true',
         help='allow nodes on other machines (default: this machine only)',
     )  # fmt: skip
+    page.add_options(parser)
     parser.add_argument('--no-pictures', action='store_true', help='write no figures')
 
 
@@ -88,13 +90,15 @@ def run(args: argparse.Namespace) -> int:
 
     check_roles('--without', args.without, config)
     nodes = own_nodes(args.nodes, [config])
+    if args.view:
+        page.check_port(args.port)
     name = Path(args.scenario).stem
     chosen = domain.chosen_domain(args.domain)
     space = namespace.checked(args.namespace)
     directory = new_directory(args.out, default_name(name, space))
     options = RunOptions(
         compose=args.compose,
-        rtf=args.rtf,
+        rtf=args.rtf or (1.0 if args.view and not config.pace.real_time_factor else 0.0),
         attended=True,
         namespace=space,
         domain=chosen,
@@ -109,10 +113,15 @@ def run(args: argparse.Namespace) -> int:
             progress.say(f'flexarm run: {text}')
             told.append(text)
 
+        def beside(domain: int) -> AbstractContextManager[None]:
+            if not args.view:
+                return nullcontext()
+            return page.page_beside(domain, space, args.port, progress.say)
+
         outcome = run_scenario(
             config, name, directory, options,
             announce=progress.say, watch=progress.update, stop=lambda: bool(signals.signum),
-            verdict=verdict, work=progress.work,
+            verdict=verdict, work=progress.work, beside=beside,
         )  # fmt: skip
     if outcome.problem and not told:
         print(f'flexarm run: {outcome.problem}', file=sys.stderr)

@@ -101,6 +101,7 @@ class Scene:
         gain_of(config, 0.0, 0.0)
         self._latest: dict[int, tuple[float, ...]] = {}
         self._stamp_ns = 0
+        self._sensed_ns: int | None = None
         self.trail: deque[Point] = deque(maxlen=trail)
         self.path: deque[Point] = deque(maxlen=trail)
 
@@ -116,7 +117,14 @@ class Scene:
                 self.path.clear()
                 self.config = self._initial
             self._stamp_ns = stamp
+        if topic == TIP:
+            self._sensed_ns = stamp
         self._latest[topic] = values
+
+    @property
+    def age_s(self) -> float | None:
+        """Return the age of the tip sensor's newest measurement, s; None before the first."""
+        return None if self._sensed_ns is None else (self._stamp_ns - self._sensed_ns) * 1e-9
 
     def change(self, data: bytes) -> None:
         """Process a parameter change during the run: lambda depends on kn."""

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Node ``viewer``: shows a running simulation in Foxglove, Lichtblick and RViz.
+Node ``viewer``: shows a running simulation on a page of its own, in Foxglove, Lichtblick and RViz.
 
 It is not a participant: the run does not wait for it.  It subscribes with best effort and a queue
 of one, takes the newest messages ``rate`` times per second of wall time, and sleeps in between.
@@ -23,6 +23,7 @@ participants).
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import threading
 from typing import Any
@@ -39,7 +40,10 @@ from flexarm_ros.nodes.runtime.process.middleware import start
 from flexarm_ros.nodes.runtime.process.shutdown_watchdog import shutdown_limit
 from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import message_class
+from flexarm_ros.nodes.view.commands import RunCommands
 from flexarm_ros.nodes.view.foxglove import FoxgloveView, ViewError
+from flexarm_ros.nodes.view.page import PageError, PageServer
+from flexarm_ros.nodes.view.page_data import described, sent
 from flexarm_ros.nodes.view.ros import RosView
 from flexarm_ros.nodes.view.scene import Scene
 from flexarm_ros.wire import parameter_event as changes
@@ -73,17 +77,37 @@ class ViewerNode(Node):
             qos_overriding_options=NO_OVERRIDES,
         )  # fmt: skip
         self._given = given_parameters(self, 'viewer', argv).config()
-        self.foxglove = self._server()
+        self.foxglove = self._foxglove()
+        self._commands, self.page = self._page()
         self._ros = RosView(self)
         self._readers: dict[int, Any] = {}
         self._listen(self._given)
         self._shown_ns = -1
 
-    def _server(self) -> FoxgloveView | None:
-        port = int(self.get_parameter('port').value)
+    def _foxglove(self) -> FoxgloveView | None:
+        port = int(self.get_parameter('foxglove_port').value)
         if port < 0:
             return None
+        if importlib.util.find_spec('foxglove') is None:
+            print("no server for Foxglove: pip install 'flexarm_ros[view]'", flush=True)
+            return None
         return FoxgloveView(str(self.get_parameter('host').value), port)
+
+    def _page(self) -> tuple[RunCommands | None, PageServer | None]:
+        port = int(self.get_parameter('port').value)
+        if port < 0:
+            return None, None
+        commands = RunCommands(self._node_of)
+        try:
+            return commands, PageServer(str(self.get_parameter('host').value), port, commands)
+        except PageError:
+            commands.close()
+            raise
+
+    def _node_of(self, role: str) -> str:
+        """Return the full name of the node that holds a role in the run, empty if none does."""
+        told = self._told.get(role)
+        return told.node if told is not None else ''
 
     def _listen(self, config: RunConfig) -> None:
         """Show the arm of ``config`` from now on."""
@@ -105,13 +129,22 @@ class ViewerNode(Node):
         while taken := self._changes.handle.take_message(ParameterEvent, True):
             self.scene.change(bytes(taken[0]))
         frame = self.scene.frame()
+        if self.page is not None and 'plant' in self._told:
+            self.page.feed.put('hello', described(self.scene.config))
+            self.page.feed.put('state', self._phase())
         if frame is None or frame.stamp_ns == self._shown_ns:
             return False
         self._shown_ns = frame.stamp_ns
         self._ros.show(frame, self.scene)
         if self.foxglove is not None:
             self.foxglove.show(frame, self.scene)
+        if self.page is not None:
+            self.page.feed.put('frame', sent(frame, self.scene.age_s, self._phase()))
         return True
+
+    def _phase(self) -> str:
+        plant = self._told.get('plant')
+        return plant.phase.value if plant is not None else ''
 
     def _hear(self) -> None:
         """Process the participants' statuses; a new run has its own arm."""
@@ -121,9 +154,9 @@ class ViewerNode(Node):
             if heard is None or heard.phase is status.Phase.REFUSED:
                 continue
             before = self._told.get(heard.role)
-            if before is None or heard.identity > before.identity:
+            if before is None or heard.identity >= before.identity:
                 self._told[heard.role] = heard
-                news = True
+                news = news or before is None or heard.identity > before.identity
         if not news or 'plant' not in self._told:
             return
         texts = {role: (s.node, s.parameters) for role, s in self._told.items() if s.parameters}
@@ -142,9 +175,12 @@ class ViewerNode(Node):
             self.step()
 
     def close(self) -> None:
-        """Stop the server."""
+        """Stop the servers."""
         if self.foxglove is not None:
             self.foxglove.close()
+        if self.page is not None and self._commands is not None:
+            self.page.close()
+            self._commands.close()
 
 
 def view(argv: list[str]) -> int:
@@ -164,6 +200,8 @@ def view(argv: list[str]) -> int:
             node.stopping.set()
 
         handle_ending(stop)
+        if node.page is not None:
+            print(f'page: {node.page.address}', flush=True)
         if node.foxglove is not None:
             host = node.get_parameter('host').value
             print(f'open ws://{host}:{node.foxglove.port} in Foxglove or Lichtblick', flush=True)
@@ -173,7 +211,7 @@ def view(argv: list[str]) -> int:
             with shutdown_limit():
                 node.close()
                 node.destroy_node()
-    except (ViewError, scenario.ScenarioError) as error:
+    except (ViewError, PageError, scenario.ScenarioError) as error:
         print(f'viewer: {error}', file=sys.stderr)
         return 2
     finally:

@@ -112,9 +112,13 @@ OWN = {
         'rate': Own(
             30.0, 'frames a second of wall time at most', 'Hz', low=0.1, high=1000.0
         ),
-        'host': Own('127.0.0.1', 'address that the WebSocket server listens on'),
+        'host': Own('127.0.0.1', 'address that the page and the WebSocket server listen on'),
         'port': Own(
-            8765, 'port of the WebSocket server; 0: a free one; -1: none', low=-1, high=65535
+            8764, 'port of the page for browsers; 0: a free one; -1: none', low=-1, high=65535
+        ),
+        'foxglove_port': Own(
+            8765, 'port of the WebSocket server for Foxglove; 0: a free one; -1: none', low=-1,
+            high=65535,
         ),
         'trail': Own(600, "frames of the tip's trail that are shown", low=2, high=100000),
     },

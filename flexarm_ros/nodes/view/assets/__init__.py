@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Layouts for the viewers."""
+"""The live page, and layouts for the other viewers."""

@@ -1,0 +1,129 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""What the live page is sent: the arm, its parameters, frames, a recorded run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+import math
+import os
+from typing import Any
+
+from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.core.parameters.sections import (
+    keys,
+    PaceParameters,
+    RunConfig,
+    SECTIONS,
+    values_of,
+)
+from flexarm_ros.core.parameters.spec import Spec, specs
+from flexarm_ros.nodes.view.scene import Frame, Point, Scene
+
+FRAMES = 1500
+"""Most frames of a recorded run on the page."""
+
+_TYPICAL = {'s': 0.02, 'm': 0.05, 'rad': 0.01, 'N m': 1000.0, '1/s': 100.0}
+"""Least upper end of a slider by unit."""
+
+
+def described(config: RunConfig, live: bool = True) -> dict[str, Any]:
+    """
+    Return the event ``hello`` of a run.
+
+    ``live``: with the parameters that may change while running.
+    """
+    plant = config.plant
+    return {
+        'law': config.controller.law,
+        'feedback': config.controller.feedback,
+        'length': list(plant.length),
+        'period': config.run.control_period,
+        'parameters': list(live_parameters(config)) if live else [],
+        'recorded': not live,
+    }
+
+
+def live_parameters(config: RunConfig) -> Iterable[dict[str, Any]]:
+    """Yield name, value, text and the slider's range of each parameter that may change."""
+    for node in SECTIONS:
+        values = values_of(config, node)
+        for key, (_, spec, _) in keys(node).items():
+            if spec.live and key in values:
+                yield {
+                    'node': node, 'key': key, 'value': values[key], 'unit': spec.unit,
+                    'doc': spec.doc, 'range': slider_range(spec, values[key]),
+                    'low': spec.low, 'high': spec.high,
+                }  # fmt: skip
+    pace = specs(PaceParameters)['real_time_factor'][1]
+    yield {
+        'node': 'plant', 'key': 'real_time_factor', 'value': config.pace.real_time_factor,
+        'unit': '', 'doc': pace.doc, 'range': [0.0, 4.0], 'low': pace.low,
+        'high': pace.high,
+    }  # fmt: skip
+
+
+def slider_range(spec: Spec, value: float) -> list[float]:
+    """Return the ends of a slider: a range about the value that is useful, within the allowed."""
+    typical = _TYPICAL.get(spec.unit, 0.0 if value else 1.0)
+    top = max(4.0 * abs(value), typical)
+    low = 0.0 if spec.low is None else max(spec.low, -top)
+    return [low, top if spec.high is None else min(spec.high, top)]
+
+
+def sent(frame: Frame, age_s: float | None, state: str = '') -> dict[str, Any]:
+    """
+    Return the event ``frame``: s since the start, m, rad, N m.
+
+    ``age_s``: age of the tip sensor's newest measurement.
+    """
+    return {
+        't': round(frame.stamp_ns * 1e-9 - 1.0, 6),
+        'line': [_point(p) for p in frame.line],
+        'elbow': frame.elbow,
+        'sensed': _point(frame.sensed),
+        'reference': _point(frame.reference),
+        'age': age_s,
+        'state': state,
+        **frame.numbers(),
+    }
+
+
+def _point(point: Point) -> list[float] | None:
+    if not (math.isfinite(point[0]) and math.isfinite(point[1])):
+        return None
+    return [round(point[0], 4), round(point[1], 4)]
+
+
+def recording(run: str | os.PathLike[str], given: RunConfig | None = None) -> Mapping[str, Any]:
+    """
+    Return the description and at most `FRAMES` frames of a recorded run.
+
+    Raises BagError for what is no run, or has no scenario.
+    """
+    reader = BagReader(run, given)
+    config = reader.config
+    scene, frames = Scene(config), []
+    every = max(1, -(-reader.timeline.ticks // FRAMES))
+    for tick, messages in reader.ticks():
+        if tick % every:
+            continue
+        for topic in scene.topics:
+            if (data := messages[topic]) is not None:
+                scene.take(topic, data)
+        if (frame := scene.frame()) is not None:
+            frames.append(sent(frame, scene.age_s))
+    if not frames:
+        raise reader.nothing()
+    return {'hello': described(config, live=False), 'frames': frames}
