@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 import flexarm_ros as fa
 from flexarm_ros import cli, scenario
-from flexarm_ros.bag.digest import digest_of as digest
+from flexarm_ros.bag.checks.digest import digest_of as digest
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, RunConfig
@@ -133,9 +133,9 @@ def test_in_every_command_without_nodes(
 
 
 def test_a_changed_message_of_the_part_is_found(stranger: Path, tmp_path: Path) -> None:
+    from flexarm_ros.bag.checks.verify import verify
     from flexarm_ros.bag.recording import BAG
     from flexarm_ros.bag.simulation import loop_blocks, simulate
-    from flexarm_ros.bag.verify import verify
     from flexarm_ros.bag.writer import BagWriter
 
     config = scenario.load('pd_tip', OVERRIDES)

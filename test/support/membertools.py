@@ -20,7 +20,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.core.run.parts import ROLES
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.ending import Ending
 from flexarm_ros.nodes.runtime.joining.status import GOING, Phase, Status
@@ -28,6 +27,7 @@ from flexarm_ros.nodes.runtime.member import Member
 from flexarm_ros.nodes.runtime.phases import Phases
 from flexarm_ros.nodes.runtime.reset import Epochs
 from flexarm_ros.nodes.runtime.waiting import Waiting
+from nodetools import ROLES
 
 
 class Calls:

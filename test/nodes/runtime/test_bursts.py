@@ -21,7 +21,7 @@ from collections import Counter
 from pathlib import Path
 import time
 
-from flexarm_ros.nodes.runtime.graph import TICK_TOPIC
+from flexarm_ros.nodes.runtime.topics.graph import TICK_TOPIC
 from flexarm_ros.nodes.trajectory import AHEAD, ahead_until, BURST, TICK_EVERY
 from nav_msgs.msg import Odometry
 from nodetools import wait_for, write_scenario
