@@ -44,23 +44,30 @@ from repository import ROOT
 
 pytestmark = pytest.mark.nodes
 
-SETTINGS = ('duration=0.5', 'tick_timeout=2.0', 'recorder.chunk_time=0.05')
+SETTINGS = ('duration=0.5', 'recorder.chunk_time=0.01')
 RTF = '0.2'
+SLOW = '0.05'
+STALL_S = 5.0
+"""For which a busy machine may not run a process."""
 BAG = 'bag/bag_0.mcap'
 
 
 def start(
-    out: Path, *more: str, terminal: int | None = None, pictures: str = '--no-pictures'
+    out: Path,
+    *more: str,
+    terminal: int | None = None,
+    pictures: str = '--no-pictures',
+    rtf: str = SLOW,
 ) -> subprocess.Popen[str]:
     """
-    Start `flexarm run` of half a second of arm time, which takes 2.5 s of wall time.
+    Start `flexarm run` of half a second of arm time: `SLOW`, 10 s of wall time, with `RTF` 2.5 s.
 
     It is the leader of a session with the ``terminal``, where one is given; ``pictures`` is the
     option for them.
     """
     words = [word for text in SETTINGS for word in ('--set', text)]
     return subprocess.Popen(
-        [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', *words, '--rtf', RTF,
+        [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', *words, '--rtf', rtf,
          *pictures.split(), '--out', str(out), *more],
         stdin=terminal, stdout=terminal or subprocess.PIPE, stderr=terminal or subprocess.PIPE,
         text=True, cwd=ROOT, start_new_session=terminal is not None,
@@ -92,7 +99,7 @@ def chunks(out: Path) -> int:
 
 def reach(launcher: subprocess.Popen[str], out: Path, moment: str) -> dict[str, int]:
     """Wait until the run has come to ``moment``; return its nodes."""
-    wait_for(lambda: len(children(launcher.pid)) == len(ROLES), 30, 'six nodes')
+    wait_for(lambda: len(children(launcher.pid)) == len(ROLES), 60, 'six nodes')
     nodes = children(launcher.pid)
     if moment == 'start':
         return nodes
@@ -110,19 +117,17 @@ def test_a_signal_ends_the_run_in_good_order(
     try:
         nodes = reach(launcher, out, moment)
         launcher.send_signal(number)
-        sent = time.monotonic()
-        said = launcher.communicate(timeout=30)
+        said = launcher.communicate(timeout=60)
     finally:
         launcher.kill()
         launcher.wait()
-    took = time.monotonic() - sent
     assert launcher.returncode == 128 + number, said
     assert 'Traceback' not in said[1]
-    assert took < 8.0
     assert not [pid for pid in nodes.values() if Path(f'/proc/{pid}').exists()]
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['problem'] == 'interrupted'
     check_bag(out, scenario.load('fls_tip', list(SETTINGS)), summary['ticks'])
+    assert not (out / 'bag-damaged').exists()  # the recorder was given the time to finish it
     if moment == 'middle':
         assert summary['ticks'] > 0
 
@@ -136,7 +141,7 @@ def test_a_closed_terminal_ends_the_run_in_good_order(tmp_path: Path) -> None:
     try:
         nodes = reach(launcher, out, 'middle')
         os.close(master)
-        launcher.wait(timeout=30)
+        launcher.wait(timeout=60)
     finally:
         launcher.kill()
         launcher.wait()
@@ -154,10 +159,10 @@ def test_a_node_in_a_closed_terminal_leaves_in_good_order(
     words = ['-p', f'output:={tmp_path / "run"}'] if role == 'recorder' else []
     node = start_node(role, write_scenario(tmp_path / 's.yaml', 'fls_tip'), *words)
     try:
-        wait_for(lambda: caught(node.pid, signal.SIGTERM), 30, 'the node is up')
+        wait_for(lambda: caught(node.pid, signal.SIGTERM), 60, 'the node is up')
     finally:
         node.send_signal(signal.SIGHUP)
-        (text,) = finish([node], 30)
+        (text,) = finish([node])
     assert node.returncode == 129, text
     assert 'Traceback' not in text
 
@@ -172,12 +177,12 @@ def caught(pid: int, number: int) -> bool:
 def test_a_signal_after_the_last_tick_is_told_by_the_status(tmp_path: Path) -> None:
     """While files and the end are dealt with, a signal loses nothing."""
     out = tmp_path / 'run'
-    launcher = start(out)
+    launcher = start(out, rtf=RTF)
     try:
         reach(launcher, out, 'middle')
-        wait_for(lambda: (out / 'bag' / 'metadata.yaml').exists(), 30, "the bag's end")
+        wait_for(lambda: (out / 'bag' / 'metadata.yaml').exists(), 60, "the bag's end")
         launcher.send_signal(signal.SIGINT)
-        said = launcher.communicate(timeout=30)
+        said = launcher.communicate(timeout=60)
     finally:
         launcher.kill()
         launcher.wait()
@@ -195,7 +200,7 @@ def test_nodes_leave_when_the_launcher_is_killed(tmp_path: Path) -> None:
     finally:
         launcher.kill()
         launcher.wait()
-    wait_for(lambda: not [p for p in nodes.values() if alive(p)], 15, 'the nodes leave')
+    wait_for(lambda: not [p for p in nodes.values() if alive(p)], 60, 'the nodes leave')
     assert (out / 'bag' / 'metadata.yaml').exists()  # the recorder finished its bag
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['stable'] is None  # nobody was there to say how it went
@@ -218,14 +223,14 @@ def test_the_users_own_node_leaves_when_the_launcher_is_killed(tmp_path: Path) -
         return [pid for pid, line in lines.items() if example.name.encode() in line]
 
     try:
-        wait_for(lambda: len(own()) == 1, 30, "the user's node")
+        wait_for(lambda: len(own()) == 1, 60, "the user's node")
         (node,) = own()
         wait_for(lambda: chunks(out) >= 3, 60, 'the middle of the run')
         ours = children(launcher.pid)
     finally:
         launcher.kill()
         launcher.wait()
-    wait_for(lambda: not [p for p in (node, *ours.values()) if alive(p)], 30, 'all leave')
+    wait_for(lambda: not [p for p in (node, *ours.values()) if alive(p)], 60, 'all leave')
 
 
 def test_a_killed_child_is_named_on_one_line(tmp_path: Path) -> None:
@@ -234,7 +239,7 @@ def test_a_killed_child_is_named_on_one_line(tmp_path: Path) -> None:
     try:
         nodes = reach(launcher, out, 'middle')
         os.kill(nodes['tip_sensor'], signal.SIGKILL)
-        _, errors = launcher.communicate(timeout=30)
+        _, errors = launcher.communicate(timeout=60)
     finally:
         launcher.kill()
         launcher.wait()
@@ -248,7 +253,7 @@ def test_a_killed_child_is_named_on_one_line(tmp_path: Path) -> None:
 def test_a_stopped_node_is_named_within_the_limit(tmp_path: Path) -> None:
     """Before its bag is closed or mended, once, and no pictures are drawn of a failed run."""
     out = tmp_path / 'run'
-    launcher = start(out, pictures='')
+    launcher = start(out, '--set', 'tick_timeout=2.0', pictures='', rtf=RTF)
     try:
         nodes = reach(launcher, out, 'middle')
         os.kill(nodes['recorder'], signal.SIGSTOP)
@@ -264,7 +269,7 @@ def test_a_stopped_node_is_named_within_the_limit(tmp_path: Path) -> None:
         launcher.wait()
     assert re.match(r'flexarm run: recorder: tick \d+: nothing recorded within 2 s$', line)
     window_s = RECORDER_WINDOW / 1000 / float(RTF)  # the plant flies so far ahead of it
-    assert took < 2.0 + window_s + 2.0 * load()
+    assert took < 2.0 + window_s + 2.0 * load() + STALL_S
     assert launcher.returncode == 1
     assert 'flexarm run' not in errors
     problem = json.loads((out / 'summary.json').read_text())['problem']
@@ -301,7 +306,7 @@ def test_the_mending_of_a_bag_is_reported(tmp_path: Path) -> None:
     try:
         nodes = reach(launcher, out, 'middle')
         os.kill(nodes['recorder'], signal.SIGKILL)
-        _, errors = launcher.communicate(timeout=30)
+        _, errors = launcher.communicate(timeout=60)
     finally:
         launcher.kill()
         launcher.wait()
@@ -314,13 +319,13 @@ def test_the_mending_of_a_bag_is_reported(tmp_path: Path) -> None:
 def test_a_stopped_launcher_does_not_stop_the_nodes(tmp_path: Path) -> None:
     """Ctrl-Z in the terminal: the nodes are not its foreground job and fly on."""
     out = tmp_path / 'run'
-    launcher = start(out)
+    launcher = start(out, rtf=RTF)
     try:
         reach(launcher, out, 'middle')
         launcher.send_signal(signal.SIGSTOP)
-        wait_for(lambda: (out / 'bag' / 'metadata.yaml').exists(), 30, "the bag's end")
+        wait_for(lambda: (out / 'bag' / 'metadata.yaml').exists(), 60, "the bag's end")
         launcher.send_signal(signal.SIGCONT)
-        said = launcher.communicate(timeout=30)
+        said = launcher.communicate(timeout=60)
     finally:
         launcher.kill()
         launcher.wait()

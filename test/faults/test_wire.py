@@ -229,9 +229,9 @@ def check_left(fuzz: Fuzz, tmp_path: Path) -> None:
     """End the run; the node leaves in good order and has counted what it passed over."""
     if fuzz.role == 'plant':  # it leaves at a tick that is whole
         fuzz.node.terminate()
-        wait_for(lambda: answered_and_ended(fuzz), 30, "the plant's end")
+        wait_for(lambda: answered_and_ended(fuzz), 60, "the plant's end")
     fuzz.peers.end(fuzz.tick)
-    (text,) = finish([fuzz.node], 30.0)
+    (text,) = finish([fuzz.node])
     assert fuzz.node.returncode == (143 if fuzz.role == 'plant' else 0), text
     assert 'Traceback' not in text
     assert '\x1b[2J' not in text
@@ -294,7 +294,7 @@ def test_by_default_one_invalid_message_ends_the_run(
         peers.send(state, _shorter(ONE[kind], peers, state))
         for topic in peers.inputs:
             peers.send(topic, peers.right(topic, 1))
-        (text,) = finish([node], 30.0)
+        (text,) = finish([node])
     finally:
         node.kill()
         node.wait()

@@ -92,7 +92,7 @@ def test_the_process_table_shows_the_command_and_us_as_parent(tmp_path: Path) ->
         for name, process in started.items():
             shown = Path(f'/proc/{process.pid}/cmdline')
             wanted = b''.join(word.encode() + b'\0' for word in commands(**{name: 'wait'})[name])
-            wait_for(lambda: shown.read_bytes() == wanted, 10, 'its command line')  # noqa: B023
+            wait_for(lambda: shown.read_bytes() == wanted, 60, 'its command line')  # noqa: B023
             status = Path(f'/proc/{process.pid}/stat').read_text().rpartition(')')[2].split()
             assert int(status[1]) == os.getpid()
 

@@ -234,7 +234,7 @@ def launch(tmp_path: Path, ros_domain: int):
     for process in started:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
-        process.communicate(timeout=30)
+        process.communicate(timeout=60)
 
 
 def summary(directory: Path) -> dict[str, object]:
@@ -323,6 +323,6 @@ def test_nodes_leave_when_launch_is_killed(tmp_path: Path, launch) -> None:
     process.kill()
     wait_for(
         lambda: not any(Path(f'/proc/{pid}').exists() for pid in nodes.values()),
-        30, 'all nodes have left',
+        60, 'all nodes have left',
     )  # fmt: skip
     assert (tmp_path / 'run' / 'bag' / 'metadata.yaml').exists()

@@ -183,38 +183,43 @@ def test_our_controller_repeats_a_recorded_run(tmp_path: Path, ros_domain: int) 
 
 
 @pytest.mark.essential
-def test_a_replay_publishes_every_message_again(tmp_path: Path, ros_domain: int) -> None:
+def test_a_replay_publishes_every_message_again(
+    tmp_path: Path, ros_domain: int, rclpy_node
+) -> None:
+    from rosgraph_msgs.msg import Clock
+    from sensor_msgs.msg import JointState
+    from std_srvs.srv import Trigger
+
+    node, executor = rclpy_node
+    clocks: list[int] = []
+    torques: list[list[float]] = []
+
+    def heard(message: Clock) -> None:
+        clocks.append(message.clock.sec * 10**9 + message.clock.nanosec)
+
+    node.create_subscription(Clock, '/clock', heard, 1000)
+    node.create_subscription(
+        JointState, '/joint_command', lambda m: torques.append(list(m.effort)), 1000
+    )
     out = tmp_path / 'run'
     assert flexarm('simulate', 'pd_tip', '--set', 'duration=0.2', '--no-pictures', '--out', out
                    ).returncode == 0  # fmt: skip
-    code = """
-import os, rclpy
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-rclpy.init()
-node = rclpy.create_node("listener")
-clocks, torques = [], []
-node.create_subscription(Clock, "/clock", lambda m: clocks.append(m.clock), 1000)
-node.create_subscription(JointState, "/joint_command", lambda m: torques.append(m.effort), 1000)
-print("listening", flush=True)
-while len(clocks) < 200 or len(torques) < 200:
-    rclpy.spin_once(node, timeout_sec=0.1)
-print([c.sec * 10**9 + c.nanosec for c in clocks] == [10**9 + k * 10**6 for k in range(200)])
-print(list(torques[-1]), flush=True)
-os._exit(0)  # Fast DDS may wait for itself for ever where its publisher is just leaving
-"""
-    listener = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    player = subprocess.Popen(
+        [sys.executable, '-m', 'flexarm_ros.cli', 'replay', str(out), '--rate', '2', '--paused'],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+    )  # fmt: skip
     try:
-        assert listener.stdout is not None
-        assert listener.stdout.readline() == 'listening\n'
-        done = flexarm('replay', out, '--rate', '2', '--delay', '3')
-        assert done.returncode == 0, done.stderr
+        asker = Asker(node, executor)
+        # A player that has answered knows the subscriptions that were made before.
+        for name in ('pause', 'resume'):
+            assert asker.call(Trigger, f'/player/{name}').success
+        wait_for(lambda: executor.spin_once(0.01) or len(clocks) == len(torques) == 200, 60, 'all')
     finally:
-        (text,) = finish([listener], timeout=30.0)
-    in_order, last = text.splitlines()
-    assert in_order == 'True'
+        (text,) = finish([player])
+    assert player.returncode == 0, text
+    assert clocks == [10**9 + k * 10**6 for k in range(200)]
     row = (out / 'trajectory.csv').read_text().splitlines()[-1].split(',')
-    assert json.loads(last) == [float(row[-3]), float(row[-2])]
+    assert torques[-1] == [float(row[-3]), float(row[-2])]
 
 
 def test_replay_of_what_is_no_run_is_refused(tmp_path: Path) -> None:

@@ -33,6 +33,7 @@ from nodetools import finish, wait_for
 import pytest
 from repository import ROOT
 from rosbag2tools import received, write_mcap
+from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.nodes
 CONFIG = small_config(duration=0.3, chunk=0.1)
@@ -83,9 +84,19 @@ class Listener:
         codec = per_tick_topics(CONFIG)[0].codec
         return [(codec.decode(data)[0] - T0) // MS for data in list(self.came['/clock'])]
 
-    def call(self, name: str, kind: Any, **request: object) -> Any:
+    def begin(self, namespace: str = '') -> None:
+        """
+        Let a player go on that waits for its readers, `--paused`.
+
+        Who has an answer from it is known to it, and so are the subscriptions that were made
+        before the client.
+        """
+        for name in ('pause', 'resume'):
+            assert self.call(name, Trigger, namespace).success
+
+    def call(self, name: str, kind: Any, namespace: str = '', **request: object) -> Any:
         """Call a service of the player."""
-        client = self.node.create_client(kind, f'/player/{name}')
+        client = self.node.create_client(kind, f'{namespace}/player/{name}')
         assert client.wait_for_service(60)
         future = client.call_async(kind.Request(**request))
         wait_for(future.done, 20, name)
@@ -96,7 +107,7 @@ class Listener:
 
         self.stop.set()
         if self.thread.ident is not None:
-            self.thread.join(10)
+            self.thread.join(60)
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
@@ -122,13 +133,16 @@ def test_other_names_a_duration_and_topics_left_out(run: Path, listener: Listene
         '/joint_command': '/torque',
     })  # fmt: skip
     player = replay(
-        run, '--rate', '0', '--delay', '3', '--start', '0.1', '--duration', '0.05', '--exclude',
-        'tip_sensor/odometry', '--namespace', 'left', '-m', 'joint_command:=/torque',
+        run, '--rate', '0', '--delay', '0', '--paused', '--start', '0.1', '--duration', '0.05',
+        '--exclude', 'tip_sensor/odometry', '--namespace', 'left', '-m', 'joint_command:=/torque',
     )  # fmt: skip
-    (text,) = finish([player])
+    try:
+        listener.begin('/left')
+    finally:
+        (text,) = finish([player])
     assert player.returncode == 0, text
     assert 'played 51 ticks' in text  # both ends, as `ros2 bag play` has it
-    wait_for(lambda: len(listener.came['/joint_command']) == 51, 20, 'the last torque')
+    wait_for(lambda: len(listener.came['/joint_command']) == 51, 60, 'the last torque')
     assert listener.stamps() == list(range(100, 151))
     truth = small_messages(CONFIG)[100:151]
     assert listener.came['/plant/state'] == [tick[1] for tick in truth]
@@ -170,7 +184,6 @@ def test_of_several_runs_that_in_the_player_s_namespace_is_played(
 def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener) -> None:
     from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
     from rcl_interfaces.srv import DescribeParameters, SetParameters
-    from std_srvs.srv import Trigger
 
     listener.hear(0, 1, 5)
     player = replay(run, '--paused', '--rate', '1e-6', '--topics', 'joint_command')
@@ -178,12 +191,12 @@ def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener)
         wait_for(lambda: listener.node.count_publishers('/joint_command') == 1, 60, 'the player')
         for count in (1, 2, 3):
             assert listener.call('play_next', Trigger).success
-            wait_for(lambda n=count: len(listener.came['/joint_command']) == n, 20, 'a step')
+            wait_for(lambda n=count: len(listener.came['/joint_command']) == n, 60, 'a step')
         assert listener.call('toggle_paused', Trigger).message == 'playing'
         assert not listener.call('play_next', Trigger).success  # not paused
         assert listener.call('pause', Trigger).message == 'paused'
         # At a millionth of real time nothing else has come but the first tick after the pause.
-        wait_for(lambda: listener.stamps() == [0, 1, 2, 3], 20, 'the tick after the pause')
+        wait_for(lambda: listener.stamps() == [0, 1, 2, 3], 60, 'the tick after the pause')
         assert listener.call('resume', Trigger).success
         for value, accepted in ((-1, False), (0, True)):  # integers, as `ros2 param set` sends
             held = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
@@ -203,7 +216,7 @@ def test_pause_step_rate_and_a_part_of_the_topics(run: Path, listener: Listener)
     finally:
         (text,) = finish([player])
     assert player.returncode == 0, text
-    wait_for(lambda: len(listener.came['/joint_command']) == 300, 20, 'every torque')
+    wait_for(lambda: len(listener.came['/joint_command']) == 300, 60, 'every torque')
     torques = [messages[5] for messages in small_messages(CONFIG)]
     assert listener.came['/joint_command'] == torques
     assert listener.stamps() == list(range(300))
@@ -266,7 +279,7 @@ def short_array(command: Any, count: int) -> None:
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        (late_stamp, 'tick 3: no joint_command within 0.5 s; one with stamp 1003000007 ns came'),
+        (late_stamp, 'tick 3: no joint_command within 2 s; one with stamp 1003000007 ns came'),
         (short_array, 'tick 3: joint_command: '),
     ],
 )
@@ -277,7 +290,7 @@ def test_a_controller_that_breaks_the_protocol_is_told(
     listener.hear(0)
     player = subprocess.Popen(
         [sys.executable, '-m', 'flexarm_ros.nodes', 'player', '--ros-args', '-p', f'bag:={run}',
-         '-p', 'without:=controller', '-p', 'rate:=0', '-p', 'tick_timeout:=0.5'],
+         '-p', 'without:=controller', '-p', 'rate:=0', '-p', 'tick_timeout:=2.0'],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
     )  # fmt: skip
     (text,) = finish([player])
@@ -484,9 +497,9 @@ def test_a_paused_pace_waits_and_steps() -> None:
     thread.start()
     assert pace.step()
     assert pace.step()
-    wait_for(lambda: out == [0, 1], 10, 'two steps')
+    wait_for(lambda: out == [0, 1], 60, 'two steps')
     stop.set()
-    thread.join(10)
+    thread.join(60)
     assert not thread.is_alive()
     assert out == [0, 1]
     pace.pause(False)
@@ -503,5 +516,5 @@ def test_a_stopped_pace_does_not_wait(paused: bool) -> None:
 
     thread = threading.Thread(target=go, daemon=True)
     thread.start()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()

@@ -65,7 +65,7 @@ class Browser:
         self._socket = socket
         self.topics: dict[int, str] = {}
         while len(self.topics) < 3:
-            message = json.loads(self._socket.recv(timeout=30))
+            message = json.loads(self._socket.recv(timeout=60))
             if message['op'] == 'advertise':
                 self.topics |= {c['id']: c['topic'] for c in message['channels']}
         wanted = [{'id': number, 'channelId': number} for number in self.topics]

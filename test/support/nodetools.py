@@ -97,7 +97,7 @@ class Asker:
         client = self.node.create_client(kind, name)
         assert client.wait_for_service(60), name
         future = client.call_async(kind.Request(**request))
-        self.executor.spin_until_future_complete(future, timeout_sec=20)
+        self.executor.spin_until_future_complete(future, timeout_sec=60)
         assert future.done(), name
         return future.result()
 
@@ -128,4 +128,4 @@ class Asker:
 
         assert self.call(SetBool, '/plant/pause', data=wanted).success
         if wanted:
-            wait_for(lambda: self.state().startswith('paused'), 20, 'the plant is paused')
+            wait_for(lambda: self.state().startswith('paused'), 60, 'the plant is paused')

@@ -37,7 +37,7 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
 
     def call(name: str, **request: object):
         future = clients[name].call_async(kinds[name].Request(**request))
-        executor.spin_until_future_complete(future, timeout_sec=20)
+        executor.spin_until_future_complete(future, timeout_sec=60)
         assert future.done(), name
         return future.result()
 
@@ -58,12 +58,12 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
         assert not call('step').success  # not paused
         assert call('pause', data=True).success
         before = tick()
-        wait_for(paused, 10, 'the plant says that it is paused')
+        wait_for(paused, 60, 'the plant says that it is paused')
         held = tick()
         assert held - before <= 1
         for _ in range(3):
             assert call('step').success
-        wait_for(paused, 10, 'the steps are done')
+        wait_for(paused, 60, 'the steps are done')
         assert tick() == held + 3
         ask = Asker(node, executor)
         assert ask.assign('controller', 'kp', 80.0).successful

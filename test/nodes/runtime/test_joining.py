@@ -69,7 +69,7 @@ def test_who_joins_says_so_again_and_again(joining: Joining) -> None:
         taken = late.handle.take_message(DiagnosticStatus, False)
         return taken is not None and taken[0].hardware_id == mine.identity
 
-    wait_for(heard, 20, 'told again')
+    wait_for(heard, 60, 'told again')
     assert node.board.mine.phase is Phase.JOINING
 
 

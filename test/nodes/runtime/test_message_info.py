@@ -117,7 +117,7 @@ def test_a_publisher_outside_the_run_is_noticed(
     try:
         wait_for(lambda: executor.spin_once(0.01) or states, 60, 'the run has begun')
         stranger = node.create_publisher(JointState, '/joint_command', 10)
-        wait_for(lambda: stranger.get_subscription_count() >= 2, 20, 'plant and recorder hear it')
+        wait_for(lambda: stranger.get_subscription_count() >= 2, 60, 'plant and recorder hear it')
         stranger.publish(JointState(effort=[1e6, 1e6]))
     finally:
         run.join(120)
@@ -131,7 +131,7 @@ def test_a_middleware_that_cannot_do_is_refused_by_name(
 ) -> None:
     file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.3')
     plant = start_node('plant', file)
-    (text,) = finish([plant], 30.0)  # the limit on joining is 60 s
+    (text,) = finish([plant])  # at the limit on joining it says something else
     assert plant.returncode == 1
     assert "start: rmw_fastrtps_cpp does not return a node's own messages" in text
 

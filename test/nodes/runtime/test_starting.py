@@ -86,9 +86,9 @@ def external(tmp_path: Path, kind: str) -> str:
 def test_an_endpoint_that_cannot_connect_is_named(
     kind: str, tmp_path: Path, ros_domain: int
 ) -> None:
-    # Whatever takes longer than 5 s after the last newcomer says that instead.
+    # Whatever takes longer than 20 s after the last newcomer says that instead.
     out = tmp_path / 'run'
-    done = flexarm('run', 'pd_collocated', '--set', 'start_timeout=5', '--no-pictures',
+    done = flexarm('run', 'pd_collocated', '--set', 'start_timeout=20', '--no-pictures',
                    '--node', f'controller={external(tmp_path, kind)}', '--out', out)  # fmt: skip
     assert done.returncode == 1
     assert f'flexarm run: controller: start: {SAID[kind]}\n' in done.stderr
