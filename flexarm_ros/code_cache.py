@@ -13,17 +13,16 @@
 # limitations under the License.
 
 """
-Where compiled code is kept between processes, and when it is out of date.
+The cache of compiled code: its directory, and the digest that invalidates it.
 
-numba compares the time stamp of the file that a function is in, not of those
-that it calls: after a change of a called function the old code would be loaded,
-and with it the old numbers.  So each state of the source has a directory of its
-own, named by a digest of all of the core and of the versions that compile it.
+numba compares the time stamp of the file that contains a function, not those of the functions that
+it calls: after a change of a called function, stale code would be loaded.  Each state of the
+source therefore has a directory of its own, named by a digest of the core and of the compiler's
+versions.
 
-The directories are below ``NUMBA_CACHE_DIR`` if that is set, else below the
-package's ``__pycache__``, else, where that cannot be written, below the user's
-cache directory.  Without any of these nothing is kept.  That, and a full disk, is logged once,
-by the first process that finds it.
+The directories are below ``NUMBA_CACHE_DIR`` if that is set, else below the package's
+``__pycache__``, else, if that is not writable, below the user's cache directory.  If none is
+writable, nothing is cached.  This, and a full disk, is logged once, by the first process affected.
 """
 
 from __future__ import annotations
@@ -45,17 +44,17 @@ PACKAGE = Path(__file__).resolve().parent
 COMPILERS = ('numba', 'llvmlite', 'numpy')
 PREFIX = 'compiled-'
 KEPT = 4
-"""Directories that are left when one more is made, of other versions of Python, say."""
+"""Number of directories kept when another is created, for example of other Python versions."""
 COMPLAINT = 'flexarm_ros: compiled code cannot be kept in '
 _TOLD = 'FLEXARM_ROS_CACHE_TOLD'
-"""Variable that is set once that has been said: the processes started later need not."""
+"""Variable that is set once the complaint has been logged, for processes started later."""
 
 _log = logging.getLogger(__name__)
 
 
 @cache
 def directory() -> Path | None:
-    """Return the directory for the source and the versions as they are, made if need be."""
+    """Return the directory for the present source and versions; it is created if necessary."""
     name = PREFIX + key()
     refused: dict[str, Exception] = {}
     for base in _bases():
@@ -75,7 +74,7 @@ def directory() -> Path | None:
 
 
 def cannot_keep(refused: Mapping[str, Exception]) -> None:
-    """Log that compiled code is not kept in any of these directories, and why."""
+    """Log why compiled code cannot be cached in any of these directories."""
     reasons = [
         f'{path} ({getattr(why, "strerror", None) or why})' for path, why in refused.items()
     ]
@@ -83,7 +82,7 @@ def cannot_keep(refused: Mapping[str, Exception]) -> None:
 
 
 def tell(text: str) -> None:
-    """Log a complaint, unless this process or the one that has started it has made one."""
+    """Log a complaint, unless this process or the one that started it has done so."""
     if _TOLD not in os.environ:
         os.environ[_TOLD] = '1'
         _log.warning('%s', text)
@@ -112,7 +111,7 @@ def _bases() -> Iterator[Path]:
 
 
 def _clear(base: Path) -> None:
-    """Remove all but the newest directories of other states, and what earlier releases left."""
+    """Remove old directories of other states, and files of earlier releases."""
     found = sorted(base.glob(PREFIX + '*'), key=lambda path: path.stat().st_mtime)
     for path in found[: max(0, len(found) - KEPT + 1)]:
         shutil.rmtree(path, ignore_errors=True)

@@ -12,21 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The signals that end a program in good order."""
+"""The signals on which a program ends in order."""
 
 from __future__ import annotations
 
 import signal
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C; what systems send to end a job; a closed terminal or a lost ssh connection."""
+"""Ctrl-C; termination by the system; a closed terminal or a lost ssh connection."""
 
 
 def handle_ending(handler: signal._HANDLER) -> dict[int, signal._HANDLER]:
     """
-    Let ``handler`` take the signals that end a program; return the handlers before.
+    Set ``handler`` for the signals that end a program; return the handlers before.
 
-    An ignored SIGHUP stays ignored: `nohup` works so.
+    An ignored SIGHUP stays ignored, as `nohup` requires.
     """
     ignored = {signal.SIGHUP} if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else set()
     return {s: signal.signal(s, handler) for s in ENDING if s not in ignored}

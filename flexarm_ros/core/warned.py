@@ -30,5 +30,5 @@ def allow_warnings() -> None:
     filters: Any = [
         ('default' if action == 'error' else action, *rest) for action, *rest in warnings.filters
     ]
-    warnings.resetwarnings()  # makes Python forget its decisions for each module
+    warnings.resetwarnings()  # discards the decisions that Python has stored per module
     warnings.filters = filters

@@ -24,7 +24,7 @@ from flexarm_ros.core.warned import allow_warnings
 
 def main(name: str, argv: list[str] | None = None) -> int:
     """
-    Run the node ``name`` (or ``compose``) until its run is over.
+    Run the node ``name`` (or ``compose``) until its run has ended.
 
     ``node``: the name is the first word of ``argv``, for a part of another package.
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node of any part that answers: sensors and the controller."""
+"""The node of every part that answers at each tick: sensors and the controller."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from flexarm_ros.wire.topics import per_tick_topics
 
 
 class AnsweringNode(Participant):
-    """Answers each tick when it has every input of that tick, as the role's part says."""
+    """Publishes the answer of the role's part to each tick, once all its inputs have arrived."""
 
     def build(self) -> None:
-        """Make the part."""
+        """Create the part."""
         kind = part_of(self.ROLE)
         assert issubclass(kind, Answer)
         reads = kind.reads(self.config)
@@ -41,12 +41,12 @@ class AnsweringNode(Participant):
         self._reads = [self.inputs[name] for name in reads]
         self._state = self.inputs[STATE] if STATE in reads else None
         self._place = reads.index(STATE) if STATE in reads else None
-        # Here before they are needed: taken while the plant has its turn.
+        # Published ahead: fetched while the plant integrates.
         self._ahead = [entry for entry in self._reads if entry.topic.ahead]
         self._configure(self.config)
 
     def warm_up(self) -> None:
-        """Compile before the run."""
+        """Let a copy of the part answer once."""
         zeros = [(0.0,) * len(entry.topic.codec.fields) for entry in self._reads]
         copy.deepcopy(self._part).answer(0, *self._views(zeros))
 
@@ -55,7 +55,7 @@ class AnsweringNode(Participant):
         self._part.check_live(config)
 
     def retune(self, config: RunConfig) -> None:
-        """Let the part take its live parameters; its messages may tell of them."""
+        """Let the part take its live parameters, which may change its messages' layout."""
         self._part.retune(config)
         self._configure(config)
 
@@ -88,14 +88,14 @@ class AnsweringNode(Participant):
         return True
 
     def _views(self, values: list[Any]) -> list[Any]:
-        """Return the values of each input's message as parts take them."""
+        """Return the values of each input's message in the form that parts expect."""
         if self._place is not None:
             values[self._place] = MessageState(values[self._place])
         return values
 
     def waiting_for(self) -> tuple[str, str]:
-        """Blame the plant where there is no state, else whoever is silent."""
-        # Tried in turn: the one that is missing keeps the others from being fetched.
+        """Return the plant if there is no state, else the role of the first missing input."""
+        # Fetched in turn: a missing input has kept the others from being fetched.
         state = [self._state] if self._state is not None else []
         for entry in (*state, *self.inputs.values()):
             if not entry.fetch(self.tick):
@@ -103,7 +103,7 @@ class AnsweringNode(Participant):
         return '', ''
 
     def patience_s(self) -> float:
-        """Speak first of a sensor, but let the plant say itself what holds it up."""
+        """Report a silent sensor first, but let the plant report what it waits for itself."""
         return 0.5 if self._state is not None and not self._state.fetch(self.tick) else 0.0
 
 

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which class is the node of a role; needs no ROS, for it is asked before that is loaded."""
+"""The node class of each role, by name; imports no ROS, since it is used before rclpy is."""
 
 from __future__ import annotations
 
 from flexarm_ros.core.run.parts import PARTS
 
 OWN = {'plant': 'PlantNode', 'trajectory': 'TrajectoryNode', 'recorder': 'RecorderNode'}
-"""Roles whose node does more than answer: its class, in the module of the role's name."""
+"""Role -> node class in the module named like the role, for roles other than answering ones."""
 
 
 def module_of(role: str) -> str:
@@ -28,4 +28,4 @@ def module_of(role: str) -> str:
 
 
 MODULES = ('flexarm_ros.nodes.process', *dict.fromkeys(module_of(part.NAME) for part in PARTS))
-"""What the nodes of a run import."""
+"""The modules that the nodes of a run import."""

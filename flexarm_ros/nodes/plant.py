@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node ``plant``: the arm itself, and the clock of the run."""
+"""Node ``plant``: integrates the arm and publishes the clock of the run."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
 
 RECORDER_WINDOW = 256
-"""Ticks that the plant may be ahead of the recorder, well below the topics' depth."""
+"""Maximum number of ticks ahead of the recorder, well below the queue depth of the topics."""
 
 _RECORDER_WINDOW_NS = 250_000_000
-"""The same in simulated time: with a chunk of 0.2 s, a killed recorder loses 0.5 s at the most."""
+"""The same in simulated time: with chunks of 0.2 s a killed recorder loses at most 0.5 s."""
 _LEAST_WINDOW = 16
 
 
 def recorder_window(period_ns: int) -> int:
-    """Return how many ticks of ``period_ns`` the plant may be ahead of the recorder."""
+    """Return the maximum number of ticks of ``period_ns`` ahead of the recorder."""
     return min(RECORDER_WINDOW, max(_LEAST_WINDOW, _RECORDER_WINDOW_NS // period_ns))
 
 
 class PlantNode(Participant):
-    """Publishes ``/clock`` and the state of tick k, waits for its torque, integrates."""
+    """Publishes ``/clock`` and the state of tick k, waits for the torque, integrates."""
 
     ROLE: ClassVar[str] = 'plant'
 
@@ -66,7 +66,7 @@ class PlantNode(Participant):
             self.control.rtf = 1.0
 
     def build(self) -> None:
-        """Make the arm at its initial state."""
+        """Create the arm at its initial state."""
         self.plant = make_plant(self.config)
         self._command = self.inputs['joint_command']
         self._time = self.outputs['/clock']
@@ -77,22 +77,22 @@ class PlantNode(Participant):
         self._reported_hold = False
 
     def warm_up(self) -> None:
-        """Compile before the run."""
+        """Integrate one step of a copy."""
         copy.deepcopy(self.plant).step(0.0, 0.0)
 
     def check_start(self, now: float) -> None:
-        """Start when every participant is connected and built."""
+        """Start when every participant is ready."""
         if self.membership.all_ready(self.epochs.number):
             self.control.begin(0)
             self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
             if self.control.paused:
                 go_on = how_to_go_on(self.get_fully_qualified_name())
-                self.get_logger().info(f'paused before tick 0; to begin: {go_on}')
+                self.get_logger().info(f'paused before tick 0; to start: {go_on}')
         else:
             self.waiting.check_ready(now)
 
     def advance(self) -> bool:
-        """Integrate with the torque that answers the last state, then publish the next one."""
+        """Integrate with the torque for the last published state, then publish the next state."""
         if self._free:
             return self._advance_free()
         answered = self._sent
@@ -113,7 +113,7 @@ class PlantNode(Participant):
         return True
 
     def _integrate(self, torque: Sequence[float]) -> bool:
-        """Go to the next tick with the torque held; False where the arm is unstable there."""
+        """Integrate to the next tick with constant torque; False if the arm is unstable there."""
         self.plant.step(torque[0], torque[1])
         trouble = instability(self.plant)
         if trouble:
@@ -123,7 +123,7 @@ class PlantNode(Participant):
         return True
 
     def _advance_free(self) -> bool:
-        """Keep the wall clock's pace: hold the newest torque that has come, wait for none."""
+        """Follow the wall clock with the newest torque received, without waiting for one."""
         while self._command.tick < self.tick and self._command.fetch(self._command.tick + 1):
             pass
         last = self.timeline.ticks - 1
@@ -150,23 +150,23 @@ class PlantNode(Participant):
             self._time.send(stamp)
 
     def _held(self) -> bool:
-        """Whether the next tick must wait: for the launcher, the recorder, the wall clock."""
+        """Whether the next tick must wait for the launcher, the recorder or the wall clock."""
         if self._holds and self.tick >= self._holds[0]:
             return self._held_by_launcher()
         return self._ahead_of_recorder(self._window) or not self.control.may_begin(self.tick)
 
     def _ahead_of_recorder(self, ticks: int) -> bool:
-        """Whether so many ticks, or more, are out that are not in the bag."""
+        """Whether at least ``ticks`` published ticks are not recorded yet."""
         if not self.config.run.record or self.tick - self._recorded.ticks < ticks:
             return False
         self._recorded.update()
         return self.tick - self._recorded.ticks >= ticks
 
     def _held_by_launcher(self) -> bool:
-        """Report once that the tick is reached, then wait for the launcher's SIGUSR1."""
+        """Report the tick once, then wait for the launcher's SIGUSR1."""
         if not self._reported_hold:
             if self._ahead_of_recorder(1):
-                return True  # what a node has sent is on record before anything happens to it
+                return True  # all messages are recorded before the launcher acts on a node
             self._reported_hold = True
             self.released = False
             self.supervisor.report(self.ROLE, phase='held', tick=self.tick)
@@ -178,12 +178,12 @@ class PlantNode(Participant):
         return bool(self._holds) and self.tick >= self._holds[0]
 
     def _tell(self, phase: Phase) -> None:
-        """Tell the peers whether the run goes on, and how long a tick may take by intent."""
+        """Publish the phase and the intended wall time per tick."""
         extra = self.epochs.extra(pace_s=repr(self.control.pace_s()))
         self.change_phase(phase, extra=extra)
 
     def poll_peers(self, now: float) -> None:
-        """Do what the services have asked for since the last look."""
+        """Execute requests of the services, then act as every participant."""
         if not self.finished and self.under_way:
             if self.control.reset_wanted:
                 self.phases.begin_epoch()
@@ -193,7 +193,7 @@ class PlantNode(Participant):
         super().poll_peers(now)
 
     def max_sleep_s(self, now: float) -> float:
-        """Sleep no longer than to the next tick's wall time."""
+        """Return the time until the next tick is due, at most."""
         if self._holds and self.tick >= self._holds[0]:
             return 0.002
         longest = super().max_sleep_s(now)
@@ -202,30 +202,30 @@ class PlantNode(Participant):
         return self.control.max_sleep_s(self.tick, now, longest)
 
     def blocked_on(self) -> list[Any]:
-        """Wait for the torque, or where it is ahead of the recorder for its progress."""
+        """Wait for the torque, or for the recorder's progress if too far ahead of it."""
         if self._sent or not self.under_way:
             return super().blocked_on()
         return [self._recorded.handle] if self._ahead_of_recorder(self._window) else []
 
     def waiting_for(self) -> tuple[str, str]:
-        """Blame the recorder where it holds the run up, else the controller."""
+        """Return the recorder if the plant waits for it, else the controller."""
         if not self._sent:
             return 'recorder', 'nothing recorded'
         return 'controller', 'no torque on joint_command'
 
     def patience_s(self) -> float:
-        """Let the controller name a silent sensor first; of the recorder nobody else knows."""
+        """Wait 0.25 s for the controller's diagnosis; report a stalled recorder at once."""
         return 0.25 if self._sent else 0.0
 
     def _end_unstable(self, trouble: str) -> None:
-        """End the run at this tick; the peers finish it, and it stays on record."""
+        """End the run at this tick, which the peers complete and record."""
         self.get_logger().error(f'unstable at tick {self.tick + 1}: {trouble}')
         self.supervisor.report(self.ROLE, phase='unstable', tick=self.tick + 1, text=trouble)
         self.failed_run = True
         self.end_at(self.tick, f'unstable: {trouble}', unstable=trouble)
 
     def end_at(self, tick: int, why: str, **extra: str) -> None:
-        """End the run with ``tick`` as its last, and leave."""
+        """End the run with ``tick`` as its last tick."""
         self.last_tick = tick
         self.finished = True
         self.change_phase(Phase.DONE, text=why, last_tick=tick, extra=self.epochs.extra(**extra))
@@ -233,12 +233,12 @@ class PlantNode(Participant):
         self.board.flush(1.0)
 
     def interrupt(self) -> None:
-        """End the run in good order: the tick that is out is the last."""
+        """End the run in order: the published tick is the last."""
         if self.supervisor.gone or self.board.mine.phase is not Phase.RUNNING:
             super().interrupt()
         elif self._sent and self.interrupted < 2:
             if not self._command.fetch(self.tick):
-                return  # its torque is on its way; the tick limit holds here too
+                return  # its torque is in transit; the tick limit applies
             self.end_at(self.tick, 'interrupted')
         else:
             self.end_at(self.tick - 1, 'interrupted')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A process with one node, or with all of them: start, spin, signals, exit status."""
+"""A process with one node or several: start, spin, signals, exit status."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 COMPOSE = 'compose'
 
 _RECORDER_NICE = 10
-"""The recorder is never what a tick waits for: it leaves the processor to those that are."""
+"""Niceness of the recorder: no tick waits for it, so that the other nodes come first."""
 
 
 def run_process(name: str, argv: list[str]) -> int:
@@ -92,7 +92,7 @@ def run_process(name: str, argv: list[str]) -> int:
     except ScenarioError as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
-    except _rclpy.RCLError as error:  # DDS-Security asked for where Fast DDS has none, say
+    except _rclpy.RCLError as error:  # for example DDS-Security with a Fast DDS without it
         print(f'{name}: {" ".join(str(error).split())[:400]}', file=sys.stderr)
         return 1
     except Exception as error:
@@ -101,12 +101,12 @@ def run_process(name: str, argv: list[str]) -> int:
         return 1
     finally:
         with shutdown_limit(status):
-            gc.collect()  # a node that was half made: destroyed at exit it ends in SIGSEGV
+            gc.collect()  # a partly created node: destroyed at exit it causes a SIGSEGV
             rclpy.try_shutdown()
 
 
 def _composed(argv: list[str]) -> list[str]:
-    """Return the nodes that share this process: those named before the ROS arguments, or all."""
+    """Return the nodes of this process: those named before the ROS arguments, or all."""
     words = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
     optional = [*named_parts(read_sections(parameter_files(argv)))]
     found = [part.NAME for part in known_parts()]
@@ -129,7 +129,7 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     services = threading.Thread(target=_serve, args=(executor, nodes), daemon=True)
     services.start()
     gc.collect()
-    gc.freeze()  # what start-up made stays: no collection walks it during the run
+    gc.freeze()  # no collection visits the objects of the start during the run
     try:
         spin(nodes)
     finally:
@@ -153,7 +153,7 @@ def node_class(role: str) -> type[Participant]:
 
 
 def _serve(executor: SingleThreadedExecutor, nodes: list[Participant]) -> None:
-    """Serve parameters and other services; the lock-step loop has its own thread."""
+    """Serve parameters and other services; the lock-step loop runs on another thread."""
     try:
         with suppress(ExternalShutdownException, ROSInterruptException):
             executor.spin()
@@ -163,7 +163,7 @@ def _serve(executor: SingleThreadedExecutor, nodes: list[Participant]) -> None:
 
 
 class _Signals:
-    """Signals ask the nodes to leave in order; ``status`` is 128 + the signal."""
+    """Asks the nodes to leave on a signal; ``status`` is 128 + the signal's number."""
 
     def __init__(self, nodes: list[Participant]) -> None:
         self._nodes = nodes

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Node ``recorder``: every message of the run, in order of ticks, to a bag."""
+"""Node ``recorder``: writes every message of the run to a bag, in order of ticks."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ from flexarm_ros.nodes.runtime.progress import ProgressOutput
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC
 
 _LOOK_S = 0.02
-"""Longest wall time between two batches: waking at each message would cost most."""
+"""Maximum wall time between two batches, s; waking up for each message would cost more."""
 
 _BATCH = 64
-"""Ticks wanted in a batch: well below those that the plant may be ahead (`plant`)."""
+"""Target number of ticks per batch, well below the plant's lead (`recorder_window`)."""
 
 _LAST_WORDS_S = 0.3
-"""Wall time in which messages of a run that broke off may still come in."""
+"""Wall time in which messages of a failed run may still arrive, s."""
 
 
 class RecorderNode(Participant):
-    """Takes the serialized bytes of all per-tick topics in batches and writes them."""
+    """Reads the serialized bytes of all per-tick topics in batches and writes them."""
 
     ROLE: ClassVar[str] = 'recorder'
 
@@ -62,7 +62,7 @@ class RecorderNode(Participant):
         self._due, self._look_s = 0.0, _LOOK_S
 
     def build(self) -> None:
-        """Create the run's directory; nothing is ever overwritten."""
+        """Create the output directory; nothing is overwritten."""
         self._first_wall, self._wall = None, 0.0
         try:
             if self._recording is not None:
@@ -82,13 +82,13 @@ class RecorderNode(Participant):
         self.supervisor.report(self.ROLE, directory=str(self._recording.directory))
 
     def _directory(self) -> Path:
-        """Return the run's directory: the parameter ``output``, else a new one."""
+        """Return the output directory: the parameter ``output``, else a new one."""
         wanted = str(self.get_parameter('output').value or '')
         default = default_name(self._name or 'run', self.get_namespace())
         return Path(wanted) if wanted else free_directory(default)
 
     def advance(self) -> bool:
-        """Write whatever has arrived, now and then."""
+        """Write the messages that have arrived, if a batch is due."""
         now = time.monotonic()
         if now < self._due:
             return False
@@ -104,7 +104,7 @@ class RecorderNode(Participant):
         return not self.finished
 
     def _record(self) -> bool:
-        """Write what is in the queues; False where no further tick is whole by that."""
+        """Write the content of the queues; False if this completes no further tick."""
         recording = self._recording
         assert recording is not None
         state = self.inputs['plant/state']
@@ -112,14 +112,14 @@ class RecorderNode(Participant):
         failure: RunFailed | None = None
         try:
             for entry, waiting in zip(self._entries, self._waiting, strict=True):
-                # References come ahead of time: none is kept that the run may not reach.
+                # References arrive ahead of time; those that the run may not reach are left.
                 until = min(last, state.tick) if entry.source == 'trajectory' else last
                 try:
                     entry.fetch_block(until // entry.topic.every, waiting)
-                except RunFailed as error:  # what has come on the others is on record all the same
+                except RunFailed as error:  # the other topics are recorded first
                     failure = failure or error
-            # Whoever changes a parameter tells so before it answers the tick (`live`), so
-            # what came with these messages is here now.
+            # A node publishes a parameter change before it answers the tick (`live`): the
+            # changes that belong to these messages have arrived.
             for change in self._changes.take():
                 recording.write_change(change)
             self._write_whole_ticks(recording)
@@ -155,7 +155,7 @@ class RecorderNode(Participant):
                 del waiting[:count]
 
     def _write_ragged_end(self, recording: Recording) -> None:
-        """Write what there is of ticks that are not whole."""
+        """Write the messages of incomplete ticks."""
         for index, waiting in enumerate(self._waiting):
             topic = self._entries[index].topic
             for number, data in enumerate(waiting, topic.count(self._written)):
@@ -167,7 +167,7 @@ class RecorderNode(Participant):
         if self._recording is None:
             return
         deadline = time.monotonic() + (_LAST_WORDS_S if self.failure else 0.0)
-        with suppress(RunFailed):  # of a run that breaks off, what was on its way
+        with suppress(RunFailed):  # messages in transit when a run failed
             self._record()
             while self._recording is not None and time.monotonic() < deadline:
                 time.sleep(_LOOK_S)
@@ -176,7 +176,7 @@ class RecorderNode(Participant):
             return
         self._write_ragged_end(self._recording)
         self._recording.close()
-        if not self.supervisor.present:  # by hand: nobody else finishes the directory
+        if not self.supervisor.present:  # started by hand: no launcher completes the directory
             self._finish_directory()
 
     def _finish_directory(self) -> None:
@@ -194,9 +194,9 @@ class RecorderNode(Participant):
         self.get_logger().info(f'recorded {self.tick} ticks in {self._recording.directory}')
 
     def max_sleep_s(self, now: float) -> float:
-        """Sleep between batches."""
+        """Return the time until the next batch."""
         return max(0.0, self._due - now) if self.under_way else super().max_sleep_s(now)
 
     def blocked_on(self) -> list[Any]:
-        """Sleep: messages are taken in batches."""
+        """Wait for nothing: messages are read in batches."""
         return [] if self.under_way else super().blocked_on()

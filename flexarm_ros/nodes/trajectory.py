@@ -26,34 +26,33 @@ from flexarm_ros.nodes.runtime.progress import ProgressInput
 from flexarm_ros.nodes.runtime.topics.graph import TICK_EVERY, TICK_TOPIC
 
 AHEAD = 64
-"""Most ticks that the reference is published before its time.
+"""Maximum number of ticks that the reference is published ahead of the plant.
 
-It depends on time alone, so it need not be on the critical path of a tick:
-this node wakes once in `graph.TICK_EVERY` ticks instead of at each.
+It depends on time alone and need not be on the critical path of a tick: this node wakes up every
+`graph.TICK_EVERY` ticks.
 """
 
 BURST = TICK_EVERY + 2
-"""Most references published for one report of the plant, which waits for none of them.
+"""Maximum number of references per report of the plant, while it does not wait for them.
 
-No more than the default queue of a ROS 2 subscription, and of `ros2 bag record`, holds: 10
-messages.
+The default queue of a ROS 2 subscription, and of `ros2 bag record`, holds 10 messages.
 """
 
 
 def ahead_until(reached: int, published: int, ticks: int) -> int:
     """
-    Return the tick up to which references are to be published, of a run of ``ticks``.
+    Return the tick up to which references are published, at most ``ticks``.
 
-    ``reached`` is the plant's tick, ``published`` the first that is not out.  The lead grows
-    by what a burst holds beyond `TICK_EVERY`; what the plant needs before its next report is
-    always published.
+    ``reached`` is the plant's tick, ``published`` the first unpublished one.  The lead grows by
+    ``BURST - TICK_EVERY`` per report; the references that the plant needs before its next report
+    are always published.
     """
     until = max(reached + BURST, min(reached + AHEAD, published + BURST))
     return min(until, ticks)
 
 
 class TrajectoryNode(Participant):
-    """Publishes the reference of each tick, somewhat ahead of the plant."""
+    """Publishes the reference of each tick, ahead of the plant."""
 
     ROLE: ClassVar[str] = 'trajectory'
 
@@ -65,23 +64,23 @@ class TrajectoryNode(Participant):
         self.side_inputs.append(self._reached)
 
     def build(self) -> None:
-        """Make the reference."""
+        """Create the reference."""
         self._reference = Reference(self.config)
         self._output = self.outputs['reference']
 
     def warm_up(self) -> None:
-        """Compile before the run."""
+        """Compute one reference."""
         self._reference.command(0)
 
     def check_start(self, now: float) -> None:
-        """Start when all are ready: who is still resetting would throw the first messages away."""
+        """Start when all nodes are ready: one in a reset would discard the first messages."""
         if self.membership.all_ready(self.epochs.number):
             self.start()
         else:
-            self.waiting.check_ready(now - 1.0)  # the plant knows better
+            self.waiting.check_ready(now - 1.0)  # the plant reports first
 
     def retune(self, config: RunConfig) -> None:
-        """Let the reference take the delay, from the first tick that is not published."""
+        """Apply the delay from the first unpublished tick on."""
         self._reference.retune(config)
 
     def advance(self) -> bool:
@@ -98,20 +97,20 @@ class TrajectoryNode(Participant):
         return True
 
     def check_end(self) -> None:
-        """Leave when the plant has: the last references are out long before the end."""
+        """Leave when the plant has: the last references are published long before the end."""
         if self.last_tick is not None:
             self.ending.finish()
 
     def blocked_on(self) -> list[Any]:
-        """Sleep until the plant has come some way."""
+        """Wait for the plant's progress."""
         return [self._reached.handle] if self.under_way else super().blocked_on()
 
     def waiting_for(self) -> tuple[str, str]:
-        """Blame the plant where it has left the graph without a word."""
+        """Return the plant if it has left the graph without a final status."""
         return ('', '') if self._plant_there() else ('plant', f'no message on {TICK_TOPIC}')
 
     def patience_s(self) -> float:
-        """Blame nobody while the plant is there: nothing that this node waits for has its tick."""
+        """No limit while the plant is alive: this node waits for progress, not for a message."""
         return math.inf if self._plant_there() else 0.5
 
     def _plant_there(self) -> bool:

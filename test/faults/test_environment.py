@@ -72,7 +72,9 @@ def test_a_discovery_server_is_pointed_out(
     tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11899')
-    said = 'ROS_DISCOVERY_SERVER=127.0.0.1:11899: nodes find each other through it only'
+    said = (
+        'ROS_DISCOVERY_SERVER=127.0.0.1:11899: nodes discover each other through this server only'
+    )
     limit = ('--set', 'start_timeout=1.0')
     done = flexarm('run', 'pd_tip', *limit, '--no-pictures', '--out', tmp_path / 'run')
     assert done.returncode == 1

@@ -92,7 +92,7 @@ def test_a_place_that_cannot_be_written_ends_no_run(
         monkeypatch.delenv(name)
     else:
         monkeypatch.setenv(name, value)
-    note = f'{NOWHERE}: cannot be written: no log files there (ROS_LOG_DIR, ROS_HOME)'
+    note = f'{NOWHERE}: not writable: no log files there (ROS_LOG_DIR, ROS_HOME)'
     out = tmp_path / 'run'
     for words in ((*RUN, out), ('replay', out, '--rate', '0', '--delay', '0')):
         done = flexarm(*words)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A run put together: its parts, the closed loop, rows, metrics and checks.
+The closed loop of a run: parts, loop, rows of the trajectory, metrics and checks.
 
 Imports all of core.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What must hold between the keys of a scenario for the core to take it."""
+"""Checks across the keys of a scenario."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from flexarm_ros.core.trajectory import check_reachable, initial_angles
 
 def check(config: RunConfig) -> None:
     """
-    Raise ``ValueError``, naming the key, where the parts of ``config`` do not fit.
+    Raise ``ValueError``, which names the key, if parameters of ``config`` contradict each other.
 
-    Each value is taken to be within its own :class:`Spec` already.
+    Each value must be within its own :class:`Spec` already.
     """
     check_parts(config)
     timeline = Timeline.of(config.run)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The closed loop in one process: the lock-step order of the nodes, without them."""
+"""The closed loop in one process, in the lock-step order of the nodes."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _ENCODER, _TIP, _REFERENCE, _COMMAND = map(place, (JOINT_STATES, TIP, REFERENCE,
 
 class TickRecord(NamedTuple):
     """
-    What the nodes publish in one tick.
+    The messages of one tick.
 
     ``messages``: see `flexarm_ros.core.run.parts.Answers`; ``gain``: lambda, or nan.  The state's
-    arrays are the plant's own: valid until the next tick.
+    arrays are the plant's own and valid until the next tick.
     """
 
     k: int
@@ -52,7 +52,7 @@ class TickRecord(NamedTuple):
 
     @property
     def qd(self) -> FloatArray:
-        """Return their rates, shape ``(n,)``."""
+        """Return the rates of the plant's coordinates, shape ``(n,)``."""
         return self.state.qd
 
     @property
@@ -89,10 +89,9 @@ class ClosedLoop:
     controller answers them; the torque is held until t_k+1.  The state after
     the last tick is not computed, since nothing records it.
 
-    After the run ``unstable`` is ``None`` or names the quantity that ended it,
-    and ``unstable_tick`` the tick whose state it was; that tick is not part of
-    the run.  A torque that is not finite ends the run behind its tick, and
-    ``unstable`` names law and tick.
+    After the run ``unstable`` is ``None``, or names the quantity that exceeded its limit, and
+    ``unstable_tick`` the tick of that state, which is not part of the run.  A torque that is not
+    finite ends the run after its tick; ``unstable`` then names law and tick.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -112,7 +111,7 @@ class ClosedLoop:
         self._torque: tuple[float, float] | None = None
 
     def tick(self) -> TickRecord | None:
-        """Run the next tick; ``None`` when the run is over or the arm unstable."""
+        """Run the next tick; ``None`` if the run has ended or the arm is unstable."""
         plant, k = self.plant, self.k
         if k >= self._ticks or self.unstable is not None:
             return None
@@ -135,7 +134,7 @@ class ClosedLoop:
         return TickRecord(k, state, messages, self.law.gain)
 
     def _retune(self, k: int) -> None:
-        """Set what changes at tick ``k``: see ``RunConfig.changes``."""
+        """Apply the parameter changes of tick ``k``: see ``RunConfig.changes``."""
         for change in self._agenda.due(k):
             self.config = changed(self.config, change)
         self.answers.retune(self.config)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plant of a scenario: its choice by ``plant.model``, at its initial state."""
+"""The plant of a scenario, by ``plant.model``, at its initial state."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def highest_frequency(config: RunConfig) -> float:
 
 
 def check_substeps(config: RunConfig) -> None:
-    """Raise ``ValueError`` where ``plant.substeps`` is given but too few."""
+    """Raise ``ValueError`` if ``plant.substeps`` is given but too small."""
     if config.plant.substeps is not None:
         choose_substeps(config.plant, Timeline.of(config.run).period, highest_frequency(config))
 
@@ -43,9 +43,9 @@ def make_plant(config: RunConfig) -> Plant:
     """
     Return the plant of ``config`` at its initial state.
 
-    The joint angles are ``plant.initial_position``, or those of the reference
-    at the start; links are straight, without elastic rates.  Raises
-    ``ValueError``, naming the key, for too few substeps or an unreachable start.
+    The joint angles are ``plant.initial_position``, by default those of the reference at the
+    start; the links are straight, without elastic rates.  Raises ``ValueError``, which names the
+    key, for too few substeps or an unreachable start.
     """
     plant: Plant
     if config.plant.model == 'full':

@@ -20,13 +20,13 @@ from typing import NamedTuple
 
 
 class Metric(NamedTuple):
-    """A key of ``summary.json``, what people read for it, its unit."""
+    """A key of ``summary.json``, its label and its unit."""
 
     name: str
     title: str
     unit: str
     per_switch: bool = False
-    """The value is a list, one value a direction switch."""
+    """The value is a list with one value per direction switch."""
 
 
 METRICS = (
@@ -40,7 +40,7 @@ METRICS = (
     Metric('max_deflection', 'max deflection', 'm'),
     Metric('max_torque', 'max torque', 'N m'),
 )
-"""What `flexarm_ros.core.run.metrics.Metrics.result` gives beside the number of ``ticks``."""
+"""The metrics of `flexarm_ros.core.run.metrics.Metrics.result`, besides ``ticks``."""
 
 NAMES = (*(metric.name for metric in METRICS), 'ticks')
-"""Keys of that result, in order."""
+"""Keys of the metrics, in order."""

@@ -15,12 +15,11 @@
 """
 The metrics of ``summary.json``, from rows of ``trajectory.csv``, in constant memory.
 
-Errors are distances from the undelayed reference: ``rigid`` is the rigid
-kinematics of the joint angles, ``tip`` the bent arm's tip.  The root mean
-square is over the ticks.  An overshoot is how far (m) the point passes a
-corner along the old direction within one second of the switch, both ends of
-the second included, 0 where it never passes it; one value a direction switch.
-What rounding alone may put between a point and its joint angles is no error.
+Errors are distances (m) from the undelayed reference: ``rigid`` is the rigid kinematics of the
+joint angles, ``tip`` the tip of the bent arm.  The root mean square is over the ticks.  An
+overshoot is the distance (m) by which the point passes a corner in the direction before the switch
+within one second of it, both ends included, 0 if it does not pass it; there is one value per
+direction switch.  Differences within the rounding error of the kinematics count as zero.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from flexarm_ros.core.trajectory import make_path, Switch
 import numpy as np
 
 WINDOW_NS = NS_PER_S
-"""Time after a switch in which its overshoot is looked for."""
+"""Time after a switch within which its overshoot is evaluated."""
 
 _BLOCK = 256
 _AT = {name: index for index, name in enumerate(COLUMNS)}
@@ -50,10 +49,10 @@ _round_off = compiled(round_off)
 
 class Metrics:
     """
-    Accumulates rows in order of time; :meth:`result` may be asked at any point.
+    Accumulates rows in order of time; :meth:`result` may be called at any time.
 
     ``external``: roles of external nodes.  The direction switches of an external trajectory are
-    not known, and so no overshoots.
+    unknown, so that there are no overshoots.
     """
 
     def __init__(self, config: RunConfig, external: Collection[str] = ()) -> None:
@@ -70,11 +69,11 @@ class Metrics:
 
     @property
     def ticks(self) -> int:
-        """Rows taken so far."""
+        """Number of rows so far."""
         return self._done + len(self._rows)
 
     def add(self, row: Row) -> None:
-        """Take the row of the next tick."""
+        """Add the row of the next tick."""
         self._rows.append(row)
         if len(self._rows) == _BLOCK:
             self._flush()
@@ -94,7 +93,7 @@ class Metrics:
         return switch if switch is not None and switch.time_ns < self._end_ns else None
 
     def _watch_corners(self, block: FloatArray) -> None:
-        """Update the overshoot of every switch whose second has a part in ``block``."""
+        """Update the overshoot of every switch whose second overlaps ``block``."""
         index = self._first_open
         while (switch := self._switch(index)) is not None:
             first = -(-switch.time_ns // self._period_ns) - self._done
@@ -114,9 +113,9 @@ class Metrics:
 
     def result(self) -> dict[str, Any]:
         """
-        Return the metrics, ``None`` for what is not finite or not known.
+        Return the metrics, ``None`` for a value that is not finite or unknown.
 
-        Switches of the run that were not reached have an overshoot of ``None``.
+        The overshoot of a switch that was not reached is ``None``.
         """
         self._flush()
         count = self._done
@@ -152,7 +151,7 @@ def _finite_or_zero(value: float) -> float:
 
 
 def farthest(block: FloatArray, column: int, switch: Switch) -> float:
-    """Return how far beyond the corner the point in ``block[:, column:column + 2]`` gets, m."""
+    """Return how far the point in ``block[:, column:column + 2]`` passes the corner, m."""
     result: float = _farthest(
         block, column, switch.x, switch.y, switch.along_x, switch.along_y
     )  # fmt: skip

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plant's state of one tick, as the parts of a run take it."""
+"""The state of the plant at one tick, as the parts of a run read it."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Four = tuple[float, float, float, float]
 
 class State:
     """
-    The plant's state of one tick, as those that read ``plant/state`` take it.
+    The state of the plant at one tick, as read from ``plant/state``.
 
     ``q``, ``qd``: coordinates, theta1, theta2 (rad) first, and their rates, shape ``(n,)``;
-    ``positions``, ``rates``: the same as floats of Python, which scalar code is fastest with;
+    ``positions``, ``rates``: the same as Python floats, which are fastest in scalar code;
     ``ends``: delta1, delta2 (m) and their rates (m/s).
     """
 
@@ -46,7 +46,7 @@ class State:
 
 
 class MessageState(State):
-    """A state from the values of its message; arrays are made when somebody asks for them."""
+    """A state from the values of its message; arrays are created on access."""
 
     __slots__ = ()
 

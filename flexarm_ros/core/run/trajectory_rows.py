@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-One row of ``trajectory.csv`` a tick, from what is recorded of that tick.
+Rows of ``trajectory.csv``, one per tick, from the recorded messages of that tick.
 
-The same function makes the rows of a run in one process and those of a bag, so
-that the two agree bit for bit.
+The same function computes the rows of a run in one process and those of a bag, so that the two
+agree bit for bit.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ def header(config: RunConfig) -> tuple[str, ...]:
 
 class Rows:
     """
-    Makes the rows of one run.
+    Computes the rows of one run.
 
-    ``external``: roles of external nodes.  Lambda is our controller's, nan beside an external
-    one; the reference is that of an external trajectory as it was published.
+    ``external``: roles of external nodes.  Lambda is nan with an external controller; the
+    reference is that of an external trajectory as published.
     """
 
     def __init__(self, config: RunConfig, external: Collection[str] = ()) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compile what a scenario needs, or load it from the cache, before time counts."""
+"""Compile the code that a scenario needs, or load it from the cache, before the run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flexarm_ros.core.run.trajectory_rows import Rows
 
 def warm_up(config: RunConfig) -> None:
     """
-    Call every compiled function of the loop of ``config`` once, on a loop of its own.
+    Call every compiled function of the loop of ``config`` once, on a separate loop.
 
     Raises ``ValueError`` as :class:`ClosedLoop` does for a bad ``config``.
     """

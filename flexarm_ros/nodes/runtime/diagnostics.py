@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-``/diagnostics``: how each participant of a run is doing, once a second of wall time.
+``/diagnostics``: the state of each participant of a run, once per second of wall time.
 
-Every node reports on itself, from the thread that serves parameters, so that
-no tick waits for it: phase and tick, how fast it goes, how long it waited at
-the longest, what it rejected.  The plant adds the state of each participant,
-those that are missing too.
+Every node reports on itself, from the thread that serves parameters, so that no tick waits for it:
+phase and tick, real-time factor, longest wait, number of rejected messages.  The plant adds the
+state of each participant, including missing ones.
 """
 
 from __future__ import annotations
@@ -35,14 +34,14 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 
 TOPIC = '/diagnostics'
-"""Absolute, as everywhere in ROS 2: the status' name says whose it is."""
+"""Absolute, as everywhere in ROS 2: the name of a status contains that of the node."""
 
 PERIOD_S = 1.0
 _BAD = (Phase.FAILED, Phase.REFUSED)
 
 
 class Diagnostics:
-    """One participant's reports."""
+    """The reports of one participant."""
 
     def __init__(self, me: MemberNode, membership: Membership) -> None:
         self._me, self._membership = me, membership
@@ -58,7 +57,7 @@ class Diagnostics:
         self._publisher.publish(message)
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until every reliable reader has the last report, ``timeout_s`` at the longest."""
+        """Wait until every reliable reader has the last report, at most ``timeout_s``."""
         self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
 
     def _status(self) -> DiagnosticStatus:

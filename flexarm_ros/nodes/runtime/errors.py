@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Why a run cannot go on."""
+"""Errors that end a run."""
 
 from __future__ import annotations
 
 
 class RunFailed(Exception):
     """
-    The run cannot go on; ``blame`` is the role held responsible.
+    The run cannot continue; ``blame`` is the role that caused it, empty if unknown.
 
-    ``reported_by`` is the role that found it out, where it was not this node.
+    ``reported_by`` is the role that detected it, empty if it was this node.
     """
 
     def __init__(self, blame: str, reason: str, reported_by: str = '') -> None:
@@ -32,4 +32,4 @@ class RunFailed(Exception):
 
 
 class NeverMet(RunFailed):
-    """The run did not begin, for the middleware did not bring its nodes together."""
+    """The run did not begin because the middleware did not connect its nodes."""

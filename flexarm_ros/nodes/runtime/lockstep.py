@@ -15,8 +15,8 @@
 """
 The loop that drives the participants of a process through their ticks.
 
-A participant advances when it has every input of its next tick; nothing here looks at the wall
-clock but the limits on how long a peer may take to answer.
+A participant advances when it has every input of its next tick.  The wall clock matters only for
+the limits on the time that a peer may take to answer.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def spin(participants: Sequence[Participant]) -> None:
 
 
 def _spin_alone(participant: Participant, waiter: Waiter) -> None:
-    """Drive one participant: it sleeps after each tick, for its answer is in other processes."""
+    """Drive one participant: it sleeps after each tick, since other processes answer it."""
     board, next_look = participant.board, 0.0
     while True:
         participant.drive()
@@ -51,11 +51,11 @@ def _spin_alone(participant: Participant, waiter: Waiter) -> None:
         pause = min(next_look - now, participant.max_sleep_s(now))
         waiter.wait(participant.blocked_on(), int(pause * 1e9))
         if not board.going:
-            next_look = 0.0  # a word of the peers that is not taken would wake it again
+            next_look = 0.0  # an unread status of a peer would wake it again
 
 
 def _spin_together(participants: Sequence[Participant], waiter: Waiter) -> None:
-    """Drive several: they sleep when none of them has anything to do."""
+    """Drive several participants: the process sleeps when none of them has work."""
     next_look = 0.0
     while True:
         busy = False

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-How far a node has come, told on a side channel: a tick number now and then.
+Progress topics: the number of ticks that a node has completed, published every few ticks.
 
-Nobody waits for these at a tick, and they are repeated while a run goes on.  The
-plant tells the trajectory how far the run is, the recorder tells the plant how much
-is in the bag.
+No tick depends on them, and they are repeated during a run.  The plant publishes its tick for the
+trajectory, the recorder the number of recorded ticks for the plant.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _QOS = QoSProfile(depth=1)
 
 
 class ProgressOutput:
-    """Tells the readers of ``topic`` a number of ticks."""
+    """Publishes a number of ticks on ``topic``."""
 
     def __init__(self, node: Node, topic: str) -> None:
         self.publisher = node.create_publisher(
@@ -48,10 +47,10 @@ class ProgressOutput:
 
 class ProgressInput:
     """
-    The largest number of ticks that the holder of ``role`` has told on ``topic``.
+    The largest number of ticks that the node of ``role`` has published on ``topic``.
 
-    ``most`` returns the largest number that is possible now.  It limits what another
-    publisher can do where messages do not tell theirs.
+    ``most`` returns the largest number that is possible now, which limits the effect of other
+    publishers if messages do not identify theirs.
     """
 
     def __init__(
@@ -67,7 +66,7 @@ class ProgressInput:
         self.ticks = 0
 
     def update(self) -> bool:
-        """Take what has come; True where anything had."""
+        """Read one message; False if there is none."""
         taken = self.handle.take_message(UInt64, False)
         if taken is None:
             return False
@@ -77,7 +76,7 @@ class ProgressInput:
         return True
 
     def drain(self) -> None:
-        """Forget what has come: a new run begins at 0."""
+        """Discard the queue: a new run begins at 0."""
         while self.handle.take_message(UInt64, False) is not None:
             pass
         self.ticks = 0

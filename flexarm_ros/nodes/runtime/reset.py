@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Starting a run again in the same graph: every node at tick 0, no old message taken.
+Reset: a new run in the same graph, from tick 0 and without a message of the run before.
 
-The plant announces a new epoch by its status.  Each node then delivers what it
-has sent, rebuilds its part and says so; when it sees that all have, the last
-message of the old epoch is in the queues, so it empties them and is ready.
-The new run's bytes are those of a fresh one.
+The plant announces a new epoch (a number) in its status.  Each node then waits until its messages
+are delivered, builds its objects anew and publishes the epoch.  Once all nodes have done so, the
+last message of the old epoch is in the queues; each node discards them and is ready.  The new run
+has the bytes of a fresh one.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from flexarm_ros.nodes.runtime.joining.status import EPOCH, epoch_of, PLANT
 
 
 class Epochs:
-    """Which run of its graph a participant is in."""
+    """The number of the run that a participant takes part in, and the peers' numbers."""
 
     def __init__(self, membership: Membership) -> None:
         self._membership = membership
         self.number = 0
 
     def extra(self, **more: str) -> dict[str, str]:
-        """Return what the status says beside the phase."""
+        """Return the further values of the status."""
         plant = self._membership.status_of('plant')
         return {EPOCH: str(self.number), PLANT: plant.identity if plant else '', **more}
 

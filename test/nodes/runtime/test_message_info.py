@@ -133,7 +133,7 @@ def test_a_middleware_that_cannot_do_is_refused_by_name(
     plant = start_node('plant', file)
     (text,) = finish([plant])  # at the limit on joining it says something else
     assert plant.returncode == 1
-    assert "start: rmw_fastrtps_cpp does not return a node's own messages" in text
+    assert "start: rmw_fastrtps_cpp does not deliver a node's own messages" in text
 
 
 class _Topic:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Endpoints that the middleware never connects: another QoS, or another type.
+Endpoints that the middleware never connects: incompatible QoS, or another type.
 
-They are found in the graph and not by rclpy's events of incompatible QoS, which name
-neither the node nor a wrong type.
+They are found in the graph rather than by rclpy's incompatible-QoS events, which name neither the
+node nor a wrong type.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ _POLICIES = {
     'deadline': 'deadline',
     'liveliness': 'liveliness',
 }
-"""Word in the text of `qos_check_compatible` -> the policy that it is about."""
+"""Word in the text of `qos_check_compatible` -> the policy."""
 
 
 def shown(profile: QoSProfile) -> QoSProfile:
     """
-    Return the profile of an endpoint of ours as the graph shows it to others.
+    Return the profile of an endpoint of this package as the graph shows it.
 
-    Ours have no deadline and no lease: zero in a profile that is asked for, infinite in the graph.
+    It has no deadline and no lease: zero in the requested profile, infinite in the graph.
     """
     return QoSProfile(
         depth=profile.depth,
@@ -64,8 +64,8 @@ def publisher_fault(node: Node, name: str, type_name: str, requested: QoSProfile
     """
     Return why a publisher of the topic ``name`` cannot reach a subscription of ``node``.
 
-    Names topic, the publisher's node and QoS policy or type; empty: each publisher that is in
-    the graph can reach it.
+    The text names topic, the publisher's node and the QoS policy or type.  Empty if every
+    publisher in the graph can reach it.
     """
     found = node.get_publishers_info_by_topic(node.resolve_topic_name(name))
     wanted = shown(requested)
@@ -76,7 +76,7 @@ def publisher_fault(node: Node, name: str, type_name: str, requested: QoSProfile
 def subscriber_faults(
     node: Node, name: str, type_name: str, offered: QoSProfile
 ) -> Iterable[tuple[Any, str]]:
-    """Yield each subscription of ``name`` that cannot hear ``node``'s publisher, and why not."""
+    """Yield each subscription of ``name`` that cannot receive from ``node``, and the reason."""
     offered = shown(offered)
     for e in node.get_subscriptions_info_by_topic(node.resolve_topic_name(name)):
         fault = _fault(name, type_name, e, offered, e.qos_profile)

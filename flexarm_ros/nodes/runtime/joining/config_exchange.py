@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the nodes of a run come to one scenario: each tells its section, each merges all."""
+"""How the nodes of a run agree on a scenario: each publishes its section and merges all."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from flexarm_ros.scenario.plugins import find_laws
 
 
 class Disagreement(ValueError):
-    """Two nodes of one run differ in a parameter that they share, or one makes no sense."""
+    """Two nodes of a run differ in a shared parameter, or a node's parameters are invalid."""
 
 
 def dump_sections(config: RunConfig, role: str) -> str:
@@ -60,7 +60,7 @@ def _optional(config: RunConfig) -> list[str]:
 
 def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
     """
-    Return ``own`` with each peer's section as the peer told it.
+    Return ``own`` with each peer's section as the peer published it.
 
     ``told`` maps a role to its node's name and its sections as JSON.  Raises
     Disagreement where a common parameter or the list of optional parts differs, or where what a
@@ -76,7 +76,7 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
             optional = [str(name) for name in sections.get('optional', [])]
             held = _section(role, sections[role])
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-            raise Disagreement(f'{node} tells no parameters of a {role}') from None
+            raise Disagreement(f'{node} publishes no parameters of a {role}') from None
         for item in fields(RunParameters):
             here, there = getattr(own.run, item.name), getattr(common, item.name)
             if here != there:
@@ -92,7 +92,7 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
 
 def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
     """
-    Return the scenario that the nodes tell, for a viewer that has none; ``own`` fills gaps.
+    Return the scenario published by the nodes, for a viewer without one; ``own`` fills gaps.
 
     ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
     travel in no status, an external controller tells nothing, a law of another package may not
@@ -110,7 +110,7 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
             law['controller'] = {**kept, 'law': 'pd', 'torque_file': None}
             told = {**told, 'controller': (told['controller'][0], json.dumps(law))}
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-        raise Disagreement('what the nodes tell is no scenario') from None
+        raise Disagreement('the published parameters are not a scenario') from None
     if not law:
         own = replace(own, controller=replace(own.controller, law='pd', torque_file=None))
     return merge_sections(replace(own, run=common), told)
@@ -125,14 +125,14 @@ def _required(text: str) -> str:
 
 
 def _is_flyable(controller: Mapping[str, Any]) -> bool:
-    """Return whether a law can be made of what the controller tells."""
+    """Whether a law can be created from the controller's published parameters."""
     law = controller['law']
     find_laws(law, controller, user=False)
     return law != 'open_loop' and law in keys('controller')['law'][1].choices
 
 
 def _checked(config: RunConfig) -> RunConfig:
-    """Return ``config`` read anew, key by key: types, ranges and the scenario as a whole."""
+    """Return ``config`` read again: types, ranges and the checks of a whole scenario."""
     try:
         return scenario.from_dict(scenario.to_dict(config), config.torques)
     except (ValueError, TypeError) as error:
@@ -140,7 +140,7 @@ def _checked(config: RunConfig) -> RunConfig:
 
 
 def _section(name: str, values: Mapping[str, Any]) -> Any:
-    """Return a section from its JSON, lists as the tuples that they were."""
+    """Return a section from its JSON, with lists as tuples."""
     if name == 'controller':  # a peer names no module to import
         find_laws(values['law'], values, user=False)
     return made(name, {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Joining a run: who is there, do we agree on the scenario, are we all connected."""
+"""Joining a run: presence of all roles, agreement on the scenario, connections."""
 
 from __future__ import annotations
 
@@ -55,20 +55,20 @@ from rclpy.publisher import Publisher
 _EXTERNAL_AFTER_S = 2.0
 """Seconds after which a publisher without a status counts as an external node."""
 _ECHO_S, _ECHO_LOOKS = 1.0, 50
-"""Longest wait for this node's own status to come back: seconds, and looks at the least.
+"""Maximum wait for this node's own status, s, and minimum number of polls in it.
 
-A process that is not given the processor looks less often.
+A process without processor time polls less often.
 """
 _NAMES_S = 5.0
-"""Seconds after which nodes of one name that cannot be told apart end the run."""
+"""Seconds after which nodes of one name that cannot be distinguished end the run."""
 _COMPATIBLE_S = 0.2
-"""Seconds between looks at the graph for endpoints that never connect."""
+"""Seconds between searches of the graph for endpoints that never connect."""
 _NAMELESS_S = 1.0
-"""Seconds in which the graph tells the name of an endpoint's node, if it ever does."""
+"""Seconds within which the graph shows the name of an endpoint's node."""
 _CONNECT_S = 15.0
-"""Seconds in which nodes that know of one another must be connected; it takes one at most."""
+"""Seconds within which nodes that have found each other must be connected; one is usual."""
 _STRANGERS_S = 0.1
-"""Seconds for which a look at the graph for publishers outside the run holds."""
+"""Seconds for which the result of a search for publishers outside the run is used."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
 AT_START = 'start: '
 """Beginning of the reason of a start that has failed."""
@@ -76,7 +76,7 @@ _BEGUN = (Phase.RUNNING, Phase.PAUSED, Phase.RESETTING)
 
 
 class Membership:
-    """What one participant knows of its run's members."""
+    """The members of a run, as known to one participant."""
 
     def __init__(self, me: MemberNode, board: StatusBoard) -> None:
         self._me = me
@@ -92,14 +92,14 @@ class Membership:
         self._next_check = -math.inf
         self._fault_since: float | None = None
         self.deaf: dict[str, None] = {}
-        """Subscriptions outside the run that cannot hear this node's publishers, and why not."""
+        """Reasons why subscriptions outside the run cannot receive from this node."""
         self.external: set[str] = set()
         self._members: dict[str, str] = {}
         self._looks = 0
         self._judged: dict[tuple[str, bytes], tuple[float, bool | None]] = {}
 
     def required(self) -> list[str]:
-        """Return the roles that the run needs, this node's own left out."""
+        """Return the roles that the run requires, without that of this node."""
         skip = {self._me.ROLE} if self.config.run.record else {self._me.ROLE, 'recorder'}
         return [role for role in roles(self.config) if role not in skip]
 
@@ -109,11 +109,10 @@ class Membership:
 
     def status_of(self, role: str) -> Status | None:
         """
-        Return the status of a role's holder, None where there is none.
+        Return the status of the node that holds ``role``, None if there is none.
 
-        The holder is whoever was there when this node became ready; before, of
-        those who are there, the one that was first.  This node's own role has no
-        other holder, whoever says so.
+        It is the node that held the role when this node became ready; before, the first of those
+        present.  The role of this node has no other holder.
         """
         if role == self._me.ROLE:
             return None
@@ -126,8 +125,8 @@ class Membership:
         """
         Whether a message on ``topic`` with this ``info`` comes from the holder of ``role``.
 
-        Where a message does not tell its publisher's GID: whether it comes from a node of
-        the run; None where that cannot be told, because others publish there too.
+        If messages do not carry their publisher's GID: whether it comes from a node of the run;
+        None if that is unknown because nodes outside the run publish on the topic too.
         """
         status = self.status_of(role)
         if status is None:
@@ -144,14 +143,14 @@ class Membership:
         return ours
 
     def lock_members(self) -> None:
-        """Keep to the peers that are there now: a newcomer changes nothing any more."""
+        """Fix the holders of all roles: later nodes are ignored."""
         held = {role: self.status_of(role) for role in self.required()}
         self._members = {role: status.identity for role, status in held.items() if status}
 
     # --- joining ---------------------------------------------------------------------
 
     def join(self, now: float) -> bool:
-        """Return True when every role is filled and all agree on the scenario."""
+        """Whether every role is filled and all nodes agree on the scenario; or RunFailed."""
         self._check_patience(now)
         if self._board.sender_info is None:
             self._check_echo(now)
@@ -165,7 +164,7 @@ class Membership:
             self._wait(f'no {", ".join(missing)} has joined')
             self._patience_for(missing, now)
             return False
-        if self._somebody_is_silent(now):
+        if self._awaits_status(now):
             return False
         self._wait('')
         if not self.built:
@@ -173,17 +172,17 @@ class Membership:
         return True
 
     def _wait(self, what: str) -> None:
-        """Tell the peers what this node is waiting for; empty: nothing."""
+        """Publish what this node is waiting for; empty: nothing."""
         text = what or self._board.mine.phase.value
         if text != self._board.mine.text:
             self._board.publish(text=text)
 
     def _heed_failures(self) -> None:
         """
-        Leave with a peer's reason where its start has failed after it had heard of this node.
+        Raise RunFailed with a peer's reason if its start has failed while it knew this node.
 
-        A failure before that belongs to another attempt to start, and a peer that the user
-        has interrupted may come again.
+        An earlier failure belongs to another attempt to start, and a peer that was interrupted may
+        be started again.
         """
         for other in self._board.others.values():
             starting = not plant_of(other) or other.text.startswith(AT_START)
@@ -193,7 +192,7 @@ class Membership:
                 raise RunFailed(other.blame or role, other.text, reported_by=role)
 
     def _check_compatibility(self, now: float) -> None:
-        """Leave where a publisher or subscription of an external node can never connect."""
+        """Raise RunFailed if an endpoint of an external node can never connect."""
         if now < self._next_check:
             return
         self._next_check = now + _COMPATIBLE_S
@@ -210,7 +209,7 @@ class Membership:
         requested = {
             entry.topic: entry.subscription.qos_profile
             for entry in me.inputs.values()
-            if entry.source != 'plant'  # ours always; /clock is another arm's too
+            if entry.source != 'plant'  # never external; /clock is shared with other arms
         }
         for topic, qos in requested.items():
             fault = publisher_fault(me, topic.name, topic.type_name, qos)
@@ -230,7 +229,7 @@ class Membership:
         return None
 
     def _external_reader(self, topic: str, source: bytes) -> str:
-        """Return the role of the external node from ``source`` that reads ``topic``, or none."""
+        """Return the role of the external node ``source`` that reads ``topic``, else empty."""
         for role in readers(topic, self.config):
             own = output_of(role, self.config)
             if own and any(source_of(e) == source for e in self._strangers(own)):
@@ -238,18 +237,18 @@ class Membership:
         return ''
 
     def _check_patience(self, now: float) -> None:
-        """Restart the limit on joining at each newcomer."""
+        """Restart the limit on joining when another node appears."""
         if self._since is None or self._newcomers != self._board.newcomers:
             self._since, self._newcomers = now, self._board.newcomers
 
     def _check_echo(self, now: float) -> None:
-        """Refuse a middleware that does not return this node's own status."""
+        """Raise RunFailed if the middleware does not deliver this node's own status."""
         self._looks += 1
         if self._since is None or now - self._since <= _ECHO_S or self._looks <= _ECHO_LOOKS:
             return
         raise RunFailed(
-            '', f"start: {name()} does not return a node's own messages on {TOPIC}, by which "
-            'publishers are told apart'
+            '', f"start: {name()} does not deliver a node's own messages on {TOPIC}, which are "
+            'needed to identify publishers'
         )  # fmt: skip
 
     def _patience_for(self, missing: list[str], now: float) -> None:
@@ -259,7 +258,7 @@ class Membership:
             raise NeverMet(missing[0], f'start: no {names} joined within {limit:g} s')
 
     def _refuse_a_second_holder(self) -> None:
-        """Leave if another node holds this role already, or held it when the run began."""
+        """Raise RunFailed if another node holds this role, or held it when the run began."""
         role = self._me.ROLE
         for other in self._board.of(role):
             if other.phase.over:
@@ -269,13 +268,13 @@ class Membership:
                 self._refuse(f'another {role} ({other.node}) takes part in this run')
         plant = self.status_of('plant')
         if plant is not None and plant.phase in _BEGUN:
-            # It waits for all before it begins: the seat is, or was, somebody else's.
+            # It waits for all roles before it begins: another node holds, or held, this one.
             self._refuse(f'this run has begun already; a new {role} cannot join it')
         if role == 'plant':
             self._refuse_a_second_plant()
 
     def _refuse_a_second_plant(self) -> None:
-        """Leave if a peer flies with another plant, which may have died since."""
+        """Raise RunFailed if a peer is in a run with another plant, which may have ended."""
         for other in self._board.others.values():
             if not other.phase.over and plant_of(other) not in ('', self._board.mine.identity):
                 self._refuse(f'{other.node} takes part in a run with another plant')
@@ -284,11 +283,11 @@ class Membership:
         self.refused = True
         raise RunFailed(self._me.ROLE, f'refused: {why}')
 
-    def _somebody_is_silent(self, now: float) -> bool:
+    def _awaits_status(self, now: float) -> bool:
         """
-        Whether somebody in the graph has not said yet who he is, and may still do so.
+        Whether the status of a node in the graph has not arrived yet, for at most 2 s.
 
-        It may be another holder of this node's role, whose status is on its way.
+        The node may be another holder of this role.
         """
         since = self._silent_since
         self._silent_since = {source: since.get(source, now) for source in self._board.silent()}
@@ -312,10 +311,10 @@ class Membership:
 
     def _listening(self, role: str, strangers: list[Any]) -> bool:
         """
-        Whether these publishers' node reads what ``role`` answers, as far as the graph shows.
+        Whether the node of these publishers subscribes to the inputs of ``role``.
 
-        Discovery shows a node's publishers before its subscriptions: to begin
-        in between would cost it the first message.
+        Discovery shows a node's publishers before its subscriptions; a run that began in between
+        would lose the first message.
         """
         senders = {source_of(endpoint) for endpoint in strangers}
         topics = part_of(role).reads(self.config)
@@ -340,9 +339,9 @@ class Membership:
 
     def _merge(self) -> RunConfig:
         """
-        Return the scenario made of every participant's own section.
+        Return the scenario composed of every participant's own section.
 
-        Raises RunFailed where two nodes disagree on what they share.
+        Raises RunFailed if two nodes disagree on a shared parameter.
         """
         held = [self.status_of(role) for role in self.required()]
         texts = {s.role: (s.node, s.parameters) for s in held if s and not s.phase.over}
@@ -354,7 +353,7 @@ class Membership:
     # --- connections -------------------------------------------------------------------
 
     def matched(self, now: float) -> bool:
-        """Whether every input has its publisher and every output all its readers."""
+        """Whether every input and output is connected; RunFailed after 15 s."""
         inputs = (i.topic.name for i in self._me.inputs.values() if not self._input_matched(i))
         outputs = (
             o.topic.name
@@ -377,7 +376,7 @@ class Membership:
         return False
 
     def _seen_of(self, topic: str) -> str:
-        """Return who publishes and reads ``topic`` in the graph, and what is connected of it."""
+        """Return publishers and readers of ``topic`` in the graph, and the connected number."""
         me, name = self._me, self._me.resolve_topic_name(topic)
         said = []
         if topic in me.inputs:
@@ -391,13 +390,13 @@ class Membership:
         return f' ({"; ".join(said)})' if said else ''
 
     def _check_names(self) -> None:
-        """Raise RunFailed where nodes of one name cannot be told apart."""
+        """Raise RunFailed if nodes of one name cannot be distinguished."""
         for role in self.required():
             status = self.status_of(role)
             if status is not None and not self._board.source(status):
                 raise RunFailed(
                     '', f'start: two nodes are named {status.node}, which {name()} does not '
-                    'tell apart; give one another name (-r __node:=NAME)'
+                    'distinguish; rename one of them (-r __node:=NAME)'
                 )  # fmt: skip
 
     def _input_matched(self, entry: Any) -> bool:
@@ -410,7 +409,7 @@ class Membership:
             source = self._board.source(status) if status and not status.phase.over else b''
             mine = [e for e in endpoints if source and source_of(e) == source]
             if entry.topic.name == '/clock':
-                strangers = []  # another arm of this graph may have a clock too
+                strangers = []  # other arms of the graph publish a clock too
             mine += strangers
         if len(mine) > 1:
             nodes = ' and '.join(sorted(node_of(endpoint) for endpoint in mine))
@@ -418,14 +417,14 @@ class Membership:
         if not mine or entry.subscription.handle.get_publisher_count() < 1:
             return False
         assert self._board.sender_info is not None
-        # One that holds its samples says the same again.
+        # A sensor that holds its samples repeats stamps.
         held = part_of(entry.source).holds(self.config)
         rising = entry.source in self.external and not held
         entry.bind(mine[0], self._board.sender_info, rising)
         return True
 
     def heard(self, topic: str, publisher: Publisher) -> bool:
-        """Whether the readers are there, and the middleware has connected as many as it sees."""
+        """Whether the readers are present, and all of them that can be are connected."""
         roles = [r for r in readers(topic, self.config) if r in self.required()]
         endpoints = self._me.get_subscriptions_info_by_topic(publisher.topic_name)
         for role in roles:
@@ -444,7 +443,7 @@ class Membership:
     # --- while it runs -------------------------------------------------------------------
 
     def all_ready(self, epoch: int) -> bool:
-        """Whether every peer of ours is connected and built (plant: tick 0 may go out)."""
+        """Whether every participant is ready in the run ``epoch``."""
         for role in self.required():
             if role in self.external:
                 continue
@@ -465,14 +464,14 @@ class Membership:
         return late
 
     def watch(self) -> None:
-        """Raise RunFailed where a peer has failed."""
+        """Raise RunFailed if a peer has failed."""
         for role in self.required():
             status = self.status_of(role)
             if status is not None and status.phase in (Phase.FAILED, Phase.REFUSED):
                 raise RunFailed(status.blame or role, status.text, reported_by=role)
 
     def waited_for(self, role: str) -> str:
-        """Return what the holder of ``role``, which still joins, is waiting for; else empty."""
+        """Return what the node of ``role`` is waiting for while it joins; else empty."""
         status = self.status_of(role)
         joining = status is not None and status.phase is Phase.JOINING
         return (

@@ -13,14 +13,13 @@
 # limitations under the License.
 
 """
-What the participants of a run tell one another: who is there, and how it goes.
+Status messages of the participants of a run: role, phase, parameters, failure.
 
-Every node publishes a latched ``diagnostic_msgs/DiagnosticStatus`` on
-``lockstep/status`` whenever its phase changes: ``name`` is its role,
-``hardware_id`` an identity drawn at its start (it sorts by that time), ``message`` one line for
-people, and the values carry the phase, the node's full name and, as YAML, the
-parameters of its section.  From these each node works out the same whole
-scenario, without a master.
+Every node publishes a latched ``diagnostic_msgs/DiagnosticStatus`` on ``lockstep/status``
+whenever its phase changes: ``name`` is its role, ``hardware_id`` an identity drawn at its start
+(identities sort by start time), ``message`` one line of text, and the values carry the phase, the
+node's full name and, as JSON, the parameters of its section.  From these each node derives the
+same scenario; there is no master.
 """
 
 from __future__ import annotations
@@ -56,21 +55,21 @@ _READ_QOS = QoSProfile(
 
 _MOST_VALUES, _MOST_IDENTITY = 50, 100
 _MOST_MESSAGES = 200
-"""Messages taken at one look: a flood of them must not keep a node from its work."""
+"""Messages read per poll, so that a flood of them does not keep a node from its work."""
 
 _REMIND_S = 1.0
 
 EPOCH, PLANT, PACE, HEARD = 'epoch', 'plant', 'pace_s', 'heard'
 """
-Keys of further values: the run's number in this graph, the plant's wall time a tick, and the
-identities of the participants that a failed one had heard of.
+Keys of further values: number of the run in this graph, identity of the plant, the plant's wall
+time per tick (s), and the identities of the participants known to a failed one.
 """
 
 _LARGEST, _LONGEST_S = 2**62, 1e12
 
 
 class Phase(str, Enum):
-    """Where a participant stands in its run."""
+    """The phase of a participant."""
 
     JOINING = 'joining'
     READY = 'ready'
@@ -83,17 +82,17 @@ class Phase(str, Enum):
 
     @property
     def over(self) -> bool:
-        """Whether the participant has left the run, well or badly."""
+        """Whether the participant has left the run."""
         return self in (Phase.DONE, Phase.FAILED, Phase.REFUSED)
 
 
 GOING = (Phase.RUNNING, Phase.PAUSED)
-"""Phases of a run that has begun and goes on."""
+"""Phases of a run that has begun and has not ended."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """One participant's word about itself."""
+    """The status of one participant."""
 
     role: str
     identity: str
@@ -104,7 +103,7 @@ class Status:
     last_tick: int = -1
     """Last tick of the run, from the plant once it knows; -1 before."""
     blame: str = ''
-    """Role that a failed participant holds responsible."""
+    """Role that a failed participant blames."""
     extra: dict[str, str] = field(default_factory=dict)
 
     def to_message(self) -> DiagnosticStatus:
@@ -128,7 +127,7 @@ class Status:
 
     @classmethod
     def from_message(cls, message: DiagnosticStatus) -> Status | None:
-        """Return the status in a message, None where it is nobody's of ours."""
+        """Return the status in a message, None if it is not a valid participant status."""
         values = {pair.key: pair.value for pair in message.values[:_MOST_VALUES]}
         try:
             _check_numbers(values)
@@ -148,14 +147,14 @@ class Status:
 
 
 def _check_numbers(values: Mapping[str, str]) -> None:
-    """Raise ValueError where what is read as a number later on is none."""
+    """Raise ValueError if a value that is used as a number is none."""
     _whole(values.get(EPOCH, '0'), 0)
     if not 0.0 <= float(values.get(PACE, '0')) <= _LONGEST_S:
         raise ValueError
 
 
 def _whole(text: str, least: int) -> int:
-    """Return the whole number in ``text``; ValueError where it is none, or out of bounds."""
+    """Return the integer in ``text``; ValueError if it is none or out of range."""
     number = int(text)
     if not least <= number <= _LARGEST:
         raise ValueError
@@ -163,37 +162,37 @@ def _whole(text: str, least: int) -> int:
 
 
 def printable(text: str, longest: int = 500) -> str:
-    """Return a stranger's text as it may stand in a log: one line, no control characters."""
+    """Return text from the network as one line without control characters, for logs."""
     return ''.join(c if c.isprintable() else '?' for c in text[:longest])
 
 
 def heard_by(status: Status) -> list[str]:
-    """Return the identities of the participants that a failed one had heard of."""
+    """Return the identities of the participants known to a failed one."""
     return status.extra.get(HEARD, '').split(',')
 
 
 def epoch_of(status: Status | None) -> int:
-    """Return the epoch that a participant is in."""
+    """Return the number of the run that a participant takes part in."""
     return int(status.extra.get(EPOCH, '0')) if status is not None else 0
 
 
 def plant_of(status: Status) -> str:
-    """Return the identity of the plant that a participant flies with; empty while it joins."""
+    """Return the identity of a participant's plant; empty while it joins."""
     return status.extra.get(PLANT, '')
 
 
 class StatusBoard:
-    """The statuses of all participants, as one node sees them."""
+    """The statuses of all participants, as received by one node."""
 
     def __init__(self, node: Node, role: str) -> None:
         self._node = node
         identity = f'{time.time_ns():020d}-{uuid.uuid4().hex}'
         self.mine = Status(role, identity, node.get_fully_qualified_name(), Phase.JOINING)
         self.going = False
-        """Whether this node takes part in a run that has begun and goes on."""
+        """Whether this node takes part in a run that has begun and has not ended."""
         self.others: dict[str, Status] = {}
         self.sender_info: SenderInfo | None = None
-        """What messages tell of their publisher; None until this node's own has come back."""
+        """How messages identify their publisher; None until the own status has arrived."""
         self._senders: dict[str, bytes] = {}
         self._sources: dict[str, bytes] = {}
         self._seen: set[str] = set()
@@ -209,24 +208,24 @@ class StatusBoard:
         self.read_qos = _READ_QOS
 
     def heard(self) -> dict[str, str]:
-        """Return the further values of this node's status when it has failed."""
+        """Return the further values of the status of this node after a failure."""
         known = (s.identity for s in self.others.values() if len(s.identity) < _MOST_IDENTITY)
         return {**self.mine.extra, HEARD: ','.join(list(known)[:_MOST_VALUES])}
 
     def publish(self, **changes: object) -> None:
-        """Change this node's own status and tell everybody."""
+        """Change the status of this node and publish it."""
         self.mine = replace(self.mine, **changes)  # type: ignore[arg-type]
         self.going = self.mine.phase in GOING
         self._told = time.monotonic()
         self._publisher.publish(self.mine.to_message())
 
     def remind(self, now: float) -> None:
-        """Tell everybody again what was told a second ago: somebody may have missed it."""
+        """Publish the status again after a second, for peers that have missed it."""
         if now - self._told > _REMIND_S:
             self.publish()
 
     def update(self) -> None:
-        """Take what has arrived."""
+        """Read the statuses that have arrived."""
         for _ in range(_MOST_MESSAGES):
             taken = self._subscription.handle.take_message(DiagnosticStatus, False)
             if taken is None:
@@ -245,7 +244,7 @@ class StatusBoard:
             self._measure(self._senders[self.mine.identity])
 
     def _measure(self, sender: bytes) -> None:
-        """Find out what messages tell of their publisher from what this node's own tells."""
+        """Find out from the own status how messages identify their publisher."""
         own = {gid_of(e) for e in self._publishers() if node_of(e) == self.mine.node}
         if not sender:
             self.sender_info = SenderInfo.NONE
@@ -268,7 +267,7 @@ class StatusBoard:
                 self._sources.pop(identity, None)
 
     def silent(self) -> set[bytes]:
-        """Return the sources with more status publishers in the graph than statuses heard."""
+        """Return the sources with more status publishers in the graph than received statuses."""
         shown = Counter(source_of(endpoint) for endpoint in self._publishers())
         heard = Counter(self.source(status) for status in (self.mine, *self.others.values()))
         return set(shown - heard)
@@ -281,8 +280,8 @@ class StatusBoard:
         """
         Return the source (`middleware.source_of`) of the node that published ``status``.
 
-        Empty as long as it cannot be told: where messages do not tell their publisher's GID,
-        it is found by the node's name, and two nodes may have the same.
+        Empty while it is unknown: without the GID in messages the source is found by the node's
+        name, which two nodes may share.
         """
         found = self._sources.get(status.identity, b'') or self._find_source(status)
         if found:
@@ -313,7 +312,7 @@ class StatusBoard:
         return [s for s in self.others.values() if s.role == role and s.phase is not Phase.REFUSED]
 
     def flush(self, timeout_s: float) -> None:
-        """Wait until every reader has this node's last word, ``timeout_s`` at the longest."""
+        """Wait until every reader has the last status of this node, at most ``timeout_s``."""
         from rclpy.duration import Duration
 
         self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))

@@ -62,9 +62,8 @@ def assignments(argv: list[str], *names: str) -> Iterator[tuple[str, str]]:
     """
     Yield ``(key, YAML value)`` of each ``-p [NODE:]KEY:=VALUE`` for a node with one of ``names``.
 
-    They are read here and not from rclpy, where a file's own section for the
-    node would win over them, and a rule for a node by name misses one that is
-    in a namespace.
+    They are read here rather than by rclpy, where a section for the node in a file takes
+    precedence over them, and where a rule with a node's name misses a node in a namespace.
     """
     for option, text in _ros_options(argv):
         if option in ('-p', '--param'):
@@ -76,9 +75,9 @@ def assignments(argv: list[str], *names: str) -> Iterator[tuple[str, str]]:
 
 def given_parameters(node: Node, role: str, argv: list[str], flies: bool = True) -> NodeParameters:
     """
-    Return what files and command line give to ``node``; ``flies``: with the scenario.
+    Return the parameters of ``node`` from files and command line.
 
-    Raises ScenarioError where a key is unknown.
+    ``flies``: the scenario's parameters are included.  Raises ScenarioError for an unknown key.
     """
     name = NodeName(role, node.get_fully_qualified_name(), OWN.get(role, ()), OWN, flies)
     return read_node(parameter_files(argv), name, assignments(argv, role, node.get_name()))
@@ -88,7 +87,7 @@ def declare_and_load(node: Node, role: str, argv: list[str]) -> RunConfig:
     """
     Declare the parameters of ``role`` on ``node`` and return the checked scenario.
 
-    Raises ScenarioError where a file or an override is not allowed.
+    Raises ScenarioError if a file or an override is invalid.
     """
     given = given_parameters(node, role, argv)
     config = given.config()
@@ -105,9 +104,9 @@ def declare_own(
     node: Node, role: str, parameters: Mapping[str, Own], argv: list[str], flies: bool = True
 ) -> dict[str, Any]:
     """
-    Declare what only this node has, and no scenario, and return the values.
+    Declare the parameters of this node that are not part of a scenario; return the values.
 
-    Raises ScenarioError where one that is given is not allowed.
+    Raises ScenarioError if a given value is invalid.
     """
     given = given_parameters(node, role, argv, flies)
     for note in given.notes:
@@ -123,11 +122,11 @@ def declare_own(
 
 def _declare(node: Node, key: str, spec: Spec, value: Any) -> None:
     """
-    Declare one parameter; ``value`` None: it has none.
+    Declare one parameter; ``value`` None: it is not set.
 
-    A statically typed parameter without a value would make rclpy answer every request for several
-    parameters with nothing, so that `ros2 param dump` was empty.  With dynamic typing it answers
-    "not set"; that is harmless, since such a parameter is read-only.
+    With a statically typed parameter that is not set, rclpy answers every request for several
+    parameters with an empty list, so that `ros2 param dump` prints nothing.  With dynamic typing
+    it answers "not set"; this is safe, since such a parameter is read-only.
     """
     kind = _TYPES[spec.kind]
     descriptor = ParameterDescriptor(

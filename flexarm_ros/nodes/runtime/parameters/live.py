@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-Parameters that may change while a run goes on: checked at once, set at a tick boundary.
+Live parameters: checked at once, set at a tick boundary of a run.
 
-``ros2 param set`` is answered on the thread that serves parameters, after the
-value has been checked as one in a scenario is.  The lock-step loop takes it up
-before its next tick k: it tells the recorder (`flexarm_ros.wire.parameter_event`),
-waits until that has it, and only then answers tick k with the new value.  So
-the record says exactly which message was the first with it.
+``ros2 param set`` is answered on the thread that serves parameters, after the value has been
+checked as one in a scenario is.  Before its next tick k the lock-step loop publishes the change
+(`flexarm_ros.wire.parameter_event`), waits until the recorder has it, and then answers tick k with
+the new value.  The bag thus shows which message was the first with it.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ _TOLD_S = 2.0
 
 
 class LiveParameters:
-    """The live parameters of one participant; ``waiting`` has those to be set at its next tick."""
+    """The live parameters of one participant; ``waiting``: those to be set at its next tick."""
 
     def __init__(self, me: MemberNode, membership: Membership) -> None:
         self._me, self._membership = me, membership
@@ -71,10 +70,10 @@ class LiveParameters:
             return SetParametersResult(successful=True)
         me = self._me
         if me.finished or not me.under_way:
-            reason = f'no run goes on ({me.board.mine.phase.value})'
+            reason = f'no run in progress ({me.board.mine.phase.value})'
             return SetParametersResult(successful=False, reason=reason)
         try:
-            for key, value in wanted.items():  # one that is left out of a scenario may be unset
+            for key, value in wanted.items():  # rclpy accepts unset values for some parameters
                 if value is None:
                     raise ValueError(f'{me.ROLE}.{key}: cannot be unset')
             held = {p: me.get_parameter(p).value for p in self._keys}
@@ -90,7 +89,7 @@ class LiveParameters:
     # --- in the lock-step loop -----------------------------------------------------------
 
     def apply(self) -> None:
-        """Set what is waiting, from this node's next tick on; the recorder is told first."""
+        """Set the waiting values from this node's next tick on, once the recorder has them."""
         me = self._me
         self._wait_for_the_recorder()
         while self.waiting:
@@ -103,7 +102,7 @@ class LiveParameters:
         me.retune(self.config)
 
     def _wait_for_the_recorder(self) -> None:
-        """Wait until it is connected: it would miss the change.  RunFailed where it is not."""
+        """Wait until the recorder is connected, else it would miss the change; or RunFailed."""
         deadline = time.monotonic() + _TOLD_S
         while not self._membership.heard(changes.TOPIC, self._publisher):
             if time.monotonic() > deadline:
@@ -123,7 +122,7 @@ class LiveParameters:
         return event
 
     def restore(self) -> None:
-        """Go back to the scenario's values: a run starts, or starts again."""
+        """Return to the scenario's values at the start of a run."""
         me = self._me
         self.waiting.clear()
         self.config = me.config
@@ -141,7 +140,7 @@ class LiveParameters:
 
 
 class ChangesInput:
-    """What the recorder is told of parameters that change."""
+    """The recorder's subscription to changes of live parameters."""
 
     def __init__(self, me: MemberNode, membership: Membership) -> None:
         self._me, self._membership = me, membership
@@ -152,7 +151,7 @@ class ChangesInput:
         self._take = self._subscription.handle.take_message
 
     def take(self) -> list[Change]:
-        """Return the changes that have come from the run's own nodes."""
+        """Return the changes that have arrived from nodes of the run."""
         found = []
         while (taken := self._take(ParameterEvent, True)) is not None:
             try:
@@ -168,6 +167,6 @@ class ChangesInput:
         return found
 
     def drain(self) -> None:
-        """Throw away what has come: a new run begins."""
+        """Discard the queue: a new run begins."""
         while self._take(ParameterEvent, True) is not None:
             pass

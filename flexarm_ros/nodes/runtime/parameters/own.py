@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters of a node that are no part of a scenario: every one of every node."""
+"""All parameters of nodes that are not part of a scenario."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _KINDS = {float: 'float', int: 'int', bool: 'bool', str: 'str'}
 
 @dataclass(frozen=True)
 class Own:
-    """A parameter of one node that is no part of a scenario: text, number or true or false."""
+    """A parameter of a node outside scenarios: text, number or bool."""
 
     default: str | bool | int | float
     doc: str
@@ -46,7 +46,7 @@ class Own:
         return Spec(kind, self.unit, self.doc, low=self.low, high=self.high, live=self.live)
 
     def read(self, name: str, tree: Tree) -> str | bool | int | float:
-        """Return a value that was given; any text will do.  Raises ScenarioError."""
+        """Return a given value; every text is valid for a text.  Raises ScenarioError."""
         if isinstance(self.default, str) and isinstance(tree, Scalar):
             return tree.text
         value: str | bool | int | float = convert(name, self.spec, tree)
@@ -54,7 +54,7 @@ class Own:
 
 
 def how_to_go_on(plant: str) -> str:
-    """Return what lets the run of the node ``plant``, with its namespace, begin or go on."""
+    """Return the command that starts or resumes the run of ``plant`` (full node name)."""
     return f"ros2 service call {plant}/pause std_srvs/srv/SetBool '{{data: false}}'"
 
 
@@ -65,52 +65,57 @@ OWN = {
             for key, (_, spec, default) in specs(PaceParameters).items()
         },
         'hold_at': Own(
-            '', 'ticks, comma separated, before which the launcher has something to do'
+            '', 'ticks before which the plant waits for the launcher, comma separated'
         ),
     },
     'recorder': {
-        'output': Own('', 'directory of the run; empty: a new one below runs/'),
-        'name': Own('', 'name of the scenario, for the record'),
+        'output': Own('', 'output directory of the run; empty: a new directory below runs/'),
+        'name': Own('', 'name of the scenario, recorded in the bag'),
     },
     'player': {
-        'bag': Own('', 'the run: its directory, or the bag in it'),
+        'bag': Own('', 'recorded run: output directory, bag directory or bag file'),
         'rate': Own(
-            1.0, 'multiple of real time; 0: as fast as it goes; may change while playing',
+            1.0, 'playback speed as a multiple of real time; 0: as fast as possible',
             low=0.0, high=FASTEST, live=True,
         ),
-        'start': Own(0.0, 'simulated time to start from', 's', low=0.0, high=FASTEST),
-        'loop': Own(False, 'start again at the end'),
+        'start': Own(0.0, 'simulated time at which playback starts', 's', low=0.0, high=FASTEST),
+        'loop': Own(False, 'restart playback at its end'),
         'paused': Own(
-            False, 'wait for the service ~/resume or ~/play_next before the first tick'
+            False, 'start paused: wait for the service ~/resume or ~/play_next'
         ),
         # Not "duration": a scenario has that under /**, which holds for the player too.
         'playback_duration': Own(
-            -1.0, 'simulated time to play from start on; below 0: to the end', 's', low=-FASTEST,
-            high=FASTEST,
+            -1.0, 'simulated duration of playback from `start` on; negative: to the end', 's',
+            low=-FASTEST, high=FASTEST,
         ),
-        'topics': Own('', 'topics to publish beside /clock, comma separated; empty: all'),
-        'exclude': Own('', 'topics not to publish, comma separated; /clock may be one'),
+        'topics': Own('', 'topics to publish in addition to /clock, comma separated; empty: all'),
+        'exclude': Own('', 'topics that are not published, comma separated; may include /clock'),
         'without': Own(
-            '', 'controller: leave the torque to another node, in lock-step; empty: play it too'
+            '', '`controller`: an external controller computes the torque, in lock-step; empty: '
+            'the recorded torque is published'
         ),
         'delay': Own(
             1.0, 'wall time to wait for subscribers before the first message', 's', low=0.0,
             high=FASTEST,
         ),
         'tick_timeout': Own(
-            5.0, 'wall time that the controller may take to answer a tick', 's', low=0.0,
+            5.0, 'wall time within which the controller must answer a tick', 's', low=0.0,
             high=FASTEST,
         ),
-        'scenario': Own('', 'the scenario of a bag that has none: a file or a shipped name'),
-        'set': Own('', 'changes of its parameters, NODE.KEY=VALUE, separated by semicolons'),
+        'scenario': Own(
+            '', 'scenario of a bag without one: a file or the name of a shipped scenario'
+        ),
+        'set': Own(
+            '', 'overrides of parameters of `scenario`: NODE.KEY=VALUE, separated by semicolons'
+        ),
         'namespace': Own(
-            '', 'namespace of the run in a bag of another recorder; empty: the only one, or that '
-            'of the player'
+            '', 'namespace of the run in a bag written by another recorder; empty: the only '
+            'namespace in the bag, or that of the player'
         ),
     },
     'viewer': {
         'rate': Own(
-            30.0, 'frames a second of wall time at most', 'Hz', low=0.1, high=1000.0
+            30.0, 'maximum number of frames per second of wall time', 'Hz', low=0.1, high=1000.0
         ),
         'host': Own('127.0.0.1', 'address that the page and the WebSocket server listen on'),
         'port': Own(
@@ -120,7 +125,6 @@ OWN = {
             8765, 'port of the WebSocket server for Foxglove; 0: a free one; -1: none', low=-1,
             high=65535,
         ),
-        'trail': Own(600, "frames of the tip's trail that are shown", low=2, high=100000),
     },
 }  # fmt: skip
 """Role -> its parameters."""

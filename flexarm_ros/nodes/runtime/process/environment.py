@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a ROS environment asks for, looked at before anything starts."""
+"""ROS environment variables, checked before a run starts."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _LAST_DOMAIN = 232
 
 
 class EnvironmentRefused(Exception):
-    """A variable asks for what cannot be done; one line for the user."""
+    """An environment variable has an impossible value; one line for the user."""
 
 
 def read_domain(text: str) -> int:
-    """Return a ROS_DOMAIN_ID as rcl reads it; ValueError where it is none."""
+    """Return a ROS_DOMAIN_ID as rcl reads it; ValueError if it is invalid."""
     match = _DOMAIN.fullmatch(text)
     if match is None or int(match[1]) > _LAST_DOMAIN:
         raise ValueError(f'{text!r}: not a whole number from 0 to {_LAST_DOMAIN}')
@@ -39,10 +39,10 @@ def read_domain(text: str) -> int:
 
 def enforce_security() -> None:
     """
-    Let rcl fail where it cannot secure what ROS_SECURITY_ENABLE asks to be secured.
+    Let rcl fail if it cannot secure a node although ROS_SECURITY_ENABLE is set.
 
-    Its other strategy, the default, leaves nodes without keys unsecured and does not say so.
-    Raises EnvironmentRefused where there are no keys at all.
+    Its default strategy leaves nodes without keys unsecured, without a message.  Raises
+    EnvironmentRefused if there are no keys at all.
     """
     if os.environ.get('ROS_SECURITY_ENABLE') != 'true':
         return
@@ -54,7 +54,7 @@ def enforce_security() -> None:
 
 
 def environment_domain() -> int | None:
-    """Return the user's own ROS_DOMAIN_ID, None where it is not set."""
+    """Return ROS_DOMAIN_ID, None if it is not set; EnvironmentRefused if it is invalid."""
     text = os.environ.get('ROS_DOMAIN_ID', '')
     try:
         return read_domain(text) if text else None
@@ -66,7 +66,7 @@ def wanted_log_directory() -> str:
     """
     Return the directory that the user has chosen for rcl's log files, empty if none.
 
-    It is found as rcl does, except that ``~/.ros/log`` is not a choice of the user's.
+    As rcl finds it, except that the default ``~/.ros/log`` does not count as chosen.
     """
     home = os.environ.get('ROS_HOME')
     chosen = os.environ.get('ROS_LOG_DIR') or (os.path.join(home, 'log') if home else '')
@@ -74,7 +74,7 @@ def wanted_log_directory() -> str:
 
 
 def log_directory() -> str:
-    """Return `wanted_log_directory`, empty where nothing can be written there."""
+    """Return `wanted_log_directory`, empty if it cannot be written to."""
     wanted = wanted_log_directory()
     try:
         if wanted:
@@ -86,10 +86,12 @@ def log_directory() -> str:
 
 
 def environment_notes() -> list[str]:
-    """Return a line for each variable that makes a run behave in an unusual way."""
+    """Return a line for each variable that changes how nodes find each other or log."""
     notes = []
     if server := os.environ.get('ROS_DISCOVERY_SERVER'):
-        notes.append(f'ROS_DISCOVERY_SERVER={server}: nodes find each other through it only')
+        notes.append(
+            f'ROS_DISCOVERY_SERVER={server}: nodes discover each other through this server only'
+        )
     if (wanted := wanted_log_directory()) and not log_directory():
-        notes.append(f'{wanted}: cannot be written: no log files there (ROS_LOG_DIR, ROS_HOME)')
+        notes.append(f'{wanted}: not writable: no log files there (ROS_LOG_DIR, ROS_HOME)')
     return notes

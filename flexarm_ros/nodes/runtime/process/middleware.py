@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What depends on the middleware (rmw): settings before it starts, and how its GIDs are made.
+Dependence on the middleware (rmw): settings before it starts, and the layout of its GIDs.
 
-No other module of the nodes assumes anything about one middleware.
+No other module of the nodes depends on a particular middleware.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ PROFILES = {
     3: ('FASTDDS_DEFAULT_PROFILES_FILE', 'fastdds.xml'),
     2: ('FASTRTPS_DEFAULT_PROFILES_FILE', 'fastdds2.xml'),
 }
-"""Major version of Fast DDS -> variable that names a file of profiles, and our file.
+"""Major version of Fast DDS -> variable that names a file of profiles, and this package's file.
 
-Neither version takes the other's file, and 3 reads the variable of 2 as well.
+Neither version accepts the other's file, and version 3 also reads the variable of version 2.
 """
 
 _FASTDDS_3_SINCE = 9
@@ -53,11 +53,11 @@ _PREFIX = 12
 
 def prepare() -> None:
     """
-    Put our defaults in the environment of this process; what the user has set stays.
+    Set this package's defaults in the environment of this process; the user's values are kept.
 
-    Fast DDS drops what goes through shared memory to a process that has not read for a
-    second (it was stopped, or an overloaded machine did not let it run), and repairs it at
-    the writer's next heartbeat, every 3 s.  At the end of a run that is too late.
+    Fast DDS drops messages through shared memory to a process that has not read for a second (it
+    was stopped, or the machine is overloaded), and resends them at the writer's next heartbeat,
+    every 3 s by default.  At the end of a run that is too late.
     """
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     users = any(variable in os.environ for variable, _ in PROFILES.values())
@@ -70,19 +70,19 @@ def start(name: str, argv: list[str]) -> None:
     """
     Initialise rclpy for a process ``name`` with a ROS command line; ValueError in one line.
 
-    What a node logs goes to its standard error.  rcl keeps a file of it as well, in ``~/.ros/log``
-    by default: here only where the user has chosen a directory that can be written.
+    Nodes log to standard error.  rcl's log files, by default in ``~/.ros/log``, are written only
+    if the user has chosen a writable directory.
     """
     prepare()
     quiet = [] if log_directory() else ['--ros-args', '--disable-external-lib-logs', '--']
     try:
         rclpy.init(args=[name, *quiet, *argv], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl reports a bad command line or parameter file so
+    except Exception as error:  # a bad command line or parameter file
         raise ValueError((str(error).strip() or type(error).__name__).splitlines()[0]) from None
 
 
 def fastdds_version() -> int:
-    """Return 2 or 3: the major version of Fast DDS that is installed; 3 where there is none."""
+    """Return the major version of the installed Fast DDS, 2 or 3; 3 if there is none."""
     try:
         manifest = get_package_share_path('rmw_fastrtps_cpp') / 'package.xml'
         version = ElementTree.parse(manifest).findtext('version', '')
@@ -92,21 +92,21 @@ def fastdds_version() -> int:
 
 
 def name() -> str:
-    """Return the middleware in use, as RMW_IMPLEMENTATION names it."""
+    """Return the name of the middleware in use, as in RMW_IMPLEMENTATION."""
     return str(rclpy.get_rmw_implementation_identifier())
 
 
 def gid_prefix() -> int:
-    """Return how many bytes of a GID are the same in one process; 0 where none are."""
+    """Return the number of GID bytes common to all endpoints of a process; 0 if unknown."""
     return _PREFIX if name().startswith(_RTPS) else 0
 
 
 def source_of(endpoint: Any) -> bytes:
     """
-    Return bytes that are the same for all endpoints of one participant of the graph.
+    Return bytes common to all endpoints of one participant of the graph.
 
-    The DDS participant where GIDs are RTPS GUIDs, else the name of the node: two nodes
-    of one name are then one source.
+    The DDS participant if GIDs are RTPS GUIDs, else the name of the node; two nodes of one name
+    are then one source.
     """
     length = gid_prefix()
     return gid_of(endpoint)[:length] if length else node_of(endpoint).encode()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The last resort of a process that is to end: it does, whatever the middleware thinks of it."""
+"""Shutdown watchdog: end the process if Fast DDS blocks on shutdown, after 15 s at most."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _OWN_LIMIT_S = 14.0
 @contextmanager
 def shutdown_limit(status: int = 1) -> Iterator[None]:
     """
-    Give what is done here 14 s, then end this process with ``status``.
+    Context manager: end this process with ``status`` if the block takes more than 14 s.
 
-    Fast DDS takes locks of its own when publishers and participants are destroyed while messages
-    come in, and may wait for itself for ever; no limit of ours holds there.  Where it keeps the
-    interpreter's lock too, the process ends after 15 s with status 1 and tells what it waits for.
+    Fast DDS may deadlock when publishers and participants are destroyed while messages arrive.  If
+    it holds the interpreter's lock as well, the process ends after 15 s with status 1 and prints
+    its stack.
     """
     faulthandler.dump_traceback_later(_LIMIT_S, exit=True)
     timer = threading.Timer(_OWN_LIMIT_S, os._exit, (status,))

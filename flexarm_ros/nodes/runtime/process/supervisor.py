@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-The line to the launcher: reports go up a pipe, its end means that it is gone.
+Pipes to the launcher: one for reports, one whose end means that the launcher is gone.
 
-The environment of a node names two pipe ends: it writes one JSON object a line to
-the first, and the second is never written to: it reads as finished when the
-launcher, however it ended, is no more.  They are descriptors that a node inherits
-from `flexarm run`, and paths to open under `ros2 launch`, which passes no
-descriptors on.  A node started by hand has neither and sends no reports.
+Two environment variables name the pipe ends of a node.  The node writes one JSON object per line
+to the first; the second is never written to and reads as finished once the launcher has ended in
+any way.  They are inherited descriptors under `flexarm run`, and paths under `ros2 launch`, which
+does not pass descriptors on.  A node started by hand has neither and sends no reports.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _PATIENCE_S = 1.0
 
 
 def interrupted(reason: str) -> bool:
-    """Whether a node that gives this ``reason`` was told to leave."""
+    """Whether ``reason`` is that of a node that was asked to leave."""
     return reason.startswith((INTERRUPTED, LAUNCHER_GONE))
 
 
@@ -63,10 +62,10 @@ class Supervisor:
 
     def report(self, role: str, **facts: Any) -> None:
         """
-        Send one line; a launcher that has gone is noticed elsewhere.
+        Send one line; nothing happens if the launcher is gone.
 
-        The pipe is full where the launcher is stopped (Ctrl-Z): a line of mere
-        progress is then dropped, another waits for a second.
+        The pipe is full while the launcher is stopped (Ctrl-Z): a line without a phase is then
+        dropped, one with a phase waits for up to a second.
         """
         line = json.dumps({'role': role, 'at': time.monotonic(), **facts}) + '\n'
         deadline = time.monotonic() + (_PATIENCE_S if 'phase' in facts else 0.0)
@@ -83,7 +82,7 @@ class Supervisor:
 
 
 def _descriptor(name: str, mode: int) -> int | None:
-    """Return the descriptor that the variable ``name`` tells, None if there is no such."""
+    """Return the descriptor named by the variable ``name``, None if there is none."""
     text = os.environ.get(name, '')
     try:
         if not text.isdigit():

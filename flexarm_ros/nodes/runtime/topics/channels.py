@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A node's topics in the order of ticks: inputs by tick, outputs as bytes.
+The per-tick topics of a node: inputs in the order of ticks, outputs as serialized bytes.
 
-Tick k of a run is at ``T0 + k T``.  Nothing here looks at the wall clock.
+Tick k of a run has the stamp ``T0 + k T``.  The wall clock is not used.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from rclpy.node import Node
 Values = tuple[float, ...]
 _FAULT_LENGTH = 200
 _MOST_MESSAGES = 2000
-"""Messages taken at once: a flood of invalid ones must not keep a node from looking around."""
+"""Messages read per call, so that a flood of invalid ones does not keep a node from polling."""
 
 
 class Output:
@@ -55,10 +55,10 @@ class Output:
         self.configure(topic, None)
 
     def configure(self, topic: Topic, timeline: Timeline | None) -> None:
-        """Take the layout of the agreed scenario."""
+        """Use the message layout of the agreed scenario."""
         self.topic = topic
         self._encode = topic.codec.encode
-        self._publish = self.publisher.handle.publish_raw  # `publish` asks for the type each time
+        self._publish = self.publisher.handle.publish_raw  # `publish` checks the type each time
 
     def send(self, stamp_ns: int, *values: float) -> None:
         """Publish one message with the values in the order of the codec's fields."""
@@ -69,7 +69,7 @@ class Output:
             self._publish(data)
 
     def look(self) -> None:
-        """See whether anybody listens beside the readers that are handed the messages."""
+        """Check for subscriptions besides the inputs of this process, served directly."""
         if self.near:
             self._heard = self.publisher.get_subscription_count() > len(self.near)
 
@@ -78,9 +78,9 @@ class Input:
     """
     One per-tick topic that this node reads, in the order of ticks.
 
-    The middleware's queue is the only queue: a message is taken when its tick
-    is due.  Where the topic has no message at each tick (`Topic.every`), ``tick`` and the ticks
-    below count its messages; `whole` is in ticks of the run.
+    The middleware's queue is the only queue: a message is read when its tick is due.  If the topic
+    does not have a message at each tick (`Topic.every`), ``tick`` and the arguments named so count
+    its messages; `whole` counts ticks of the run.
     """
 
     def __init__(self, node: Node, topic: Topic, reject: Callable[[str, str], None]) -> None:
@@ -95,21 +95,21 @@ class Input:
         self._take = self.handle.take_message
         self.arrived: deque[tuple[bytes, int, Values]] = deque()
         self.near = False
-        """Whether the publisher is in this process and hands its messages over; see `connect`."""
+        """Whether the publisher, in this process, passes messages directly; see `connect`."""
         self.accepted = b''
         """
-        Sender (`identity.sender_of`) of the one publisher that this run has for the topic.
+        Sender (`identity.sender_of`) of this run's publisher of the topic.
 
-        A handle, which the graph does not show, is that of the first valid message.
+        A handle is not shown in the graph: that of the first valid message is used.
         """
         self._sender = b''
         self._unnamed = True
-        """Whether messages do not tell whether their publisher is the run's."""
+        """Whether messages do not show whether they come from this run's publisher."""
         self.source = topic.node
         self.sender = ''
-        """Name of the node that publishes for this run, once it is known."""
+        """Name of this run's publishing node, once it is known."""
         self._rising = False
-        # /clock is every arm's of a graph; the others are this run's alone.
+        # /clock is shared by all arms of a graph; the other topics belong to one run.
         alone = not topic.name.startswith('/')
         self._unwanted = f"a publisher that is not this run's {topic.node}" if alone else ''
         self.reset()
@@ -120,35 +120,34 @@ class Input:
         self.data = b''
         self._sequence: int | None = None
         self._gap = self._jumped = False
-        """Whether numbers have jumped since the last valid message, and whether ever."""
+        """Gaps in the sequence numbers: since the last valid message, and since the last reset."""
         self.values: Values = ()
         self.arrived.clear()
         self._last_stamp = -(2**63)
 
     @property
     def whole(self) -> int:
-        """Number of ticks of the run of which every message that is due has come."""
+        """Number of ticks of the run for which every due message has arrived."""
         return (self.tick + 1) * self.topic.every
 
     def configure(self, topic: Topic, timeline: Timeline) -> None:
-        """Take the layout and the stamps of the agreed scenario."""
+        """Use the message layout and the stamps of the agreed scenario."""
         self.topic = topic
         self._decode = topic.codec.decode
         self._first_ns, self._period_ns = timeline.stamp_ns(0), topic.every * timeline.period_ns
         self._exact = not topic.late
 
     def drain(self) -> None:
-        """Throw away what is in the queue and expect tick 0 next."""
+        """Discard the queue and expect tick 0 next."""
         while self._take(self._type, True) is not None:
             pass
         self.reset()
 
     def fetch(self, tick: int) -> bool:
         """
-        Take messages until that of ``tick`` is here; False where it has not come yet.
+        Read messages up to that of ``tick``; False if it has not arrived yet.
 
-        Raises `RunFailed` on a message that is none of the run's, unless the
-        parameter ``on_invalid`` says to pass over it.
+        Raises RunFailed for an invalid message, unless ``on_invalid`` is ``ignore``.
         """
         if self.tick >= tick:
             return True
@@ -170,10 +169,9 @@ class Input:
 
     def _next(self, tick: int) -> bytes | None:
         """
-        Take the next message of the publisher that this run has for the topic.
+        Return the next message of this run's publisher, None if there is none.
 
-        None where there is none.  Raises `RunFailed` where one between the last one
-        and ``tick``'s is lost.
+        Raises RunFailed if a message between the last one and that of ``tick`` is lost.
         """
         for _ in range(_MOST_MESSAGES):
             taken = self._take(self._type, True)
@@ -187,7 +185,7 @@ class Input:
         return None
 
     def _ours(self, info: dict[str, Any]) -> bool:
-        """Whether a message comes from the publisher that this run has for the topic."""
+        """Whether a message comes from this run's publisher of the topic."""
         if self._unnamed:
             return True
         self._sender: bytes = info['publisher_gid']['data'][:16]
@@ -195,11 +193,11 @@ class Input:
 
     def _in_sequence(self, info: dict[str, Any], tick: int) -> bool:
         """
-        Whether a message follows the last one of the run's publisher; see `_next`.
+        Whether the sequence number follows the last one; see `_next`.
 
-        True too where the middleware does not number messages.  A gap is a lost message,
-        unless messages do not tell their publisher and it may be another's, which may have
-        left already: then the stamp tells, or where it need not be the tick's, the number.
+        True if the middleware does not number messages.  A gap is a lost message, unless messages
+        do not identify their publisher and the number may be another publisher's, even of one that
+        has left: the stamp then decides, or the number if the stamp may differ from the tick's.
         """
         number = info.get('publication_sequence_number')
         if number is None:
@@ -220,37 +218,37 @@ class Input:
         return RunFailed(self.source, f'tick {tick}: a message on {self.topic.name} is lost')
 
     def _mixed(self) -> bool:
-        """Whether what comes may be another arm's clock, and messages do not tell."""
+        """Whether a message may be another arm's clock that cannot be distinguished."""
         if self._unwanted or not self._unnamed:
             return False
         return self._jumped or not self._only_publisher()
 
     def _only_publisher(self) -> bool:
-        """Whether the middleware has connected one publisher at most."""
+        """Whether the middleware has connected at most one publisher."""
         return bool(self.handle.get_publisher_count() <= 1)
 
     def _complain(self, fault: str) -> None:
         """
-        Count a message as invalid; nothing where there is no fault with it.
+        Reject a message with a ``fault``; empty: nothing.
 
-        Another arm's clock, where messages do not tell their publisher, is no fault.
+        Another arm's clock is not rejected if messages do not identify their publisher.
         """
         if fault and not self._mixed():
             self._reject(self.topic.name, fault)
 
     def _read(self, data: bytes) -> str:
-        """Decode ``data`` and judge it; see `_judge`."""
+        """Decode ``data`` and check it; see `_judge`."""
         try:
             stamp, values = self._decode(data)
-        except ValueError:  # of another layout, as a node of somebody else's may have it
+        except ValueError:  # another layout, which an external node may use
             try:
                 stamp, values = self.topic.codec.decode_any(data)
             except ValueError as error:
-                return printable(str(error), _FAULT_LENGTH)  # what a stranger wrote is in it
+                return printable(str(error), _FAULT_LENGTH)  # contains text from the network
         return self._judge(data, stamp, values)
 
     def _judge(self, data: bytes, stamp: int, values: Values) -> str:
-        """Make this the message of the next tick, or say what is wrong with it."""
+        """Accept this as the message of the next tick, or return what is wrong with it."""
         tick = self.tick + 1
         due = self._first_ns + tick * self._period_ns
         if stamp != due and (self._exact or stamp > due):
@@ -268,17 +266,16 @@ class Input:
         return ''
 
     def _not_finite(self, values: Values) -> str:
-        """Return which value is not finite and which node sent it; empty where all are."""
+        """Return which value is not finite and which node sent it; empty if all are finite."""
         named = zip(self.topic.codec.fields, values, strict=True)
         wrong = [f'{name} is {value}' for name, value in named if not math.isfinite(value)]
         return f'{wrong[0]}, from {self.sender or self.source},' if wrong else ''
 
     def fetch_block(self, until: int, into: list[bytes]) -> None:
         """
-        Take the messages up to tick ``until`` that have come, and append them to ``into``.
+        Append the messages up to tick ``until`` that have arrived to ``into``.
 
-        As `fetch` for each, but what is as it should be is judged together.  ``values``
-        are not kept.
+        Checks as `fetch`, for valid messages in one call.  ``values`` are not set.
         """
         while self.tick < until:
             taken: list[bytes] = []
@@ -293,7 +290,7 @@ class Input:
                 return
 
     def _take_block(self, most: int, taken: list[bytes]) -> None:
-        """Append up to ``most`` messages of our publisher to ``taken``, undecoded."""
+        """Append up to ``most`` messages of this run's publisher to ``taken``, undecoded."""
         if self.near:
             for _ in range(min(most, len(self.arrived))):
                 taken.append(self.arrived.popleft()[0])
@@ -306,7 +303,7 @@ class Input:
             taken.append(data)
 
     def _judge_block(self, messages: Sequence[bytes]) -> bool:
-        """Make these the messages of the next ticks; False, and nothing done, where one is not."""
+        """Accept these as the messages of the next ticks; False without effect if one is not."""
         if not messages:
             return True
         try:
@@ -327,7 +324,7 @@ class Input:
         return True
 
     def _judge_each(self, messages: Sequence[bytes], into: list[bytes]) -> None:
-        """Append those that are messages of the run to ``into``; the others are invalid."""
+        """Append the valid messages to ``into`` and reject the others."""
         for data in messages:
             fault = self._read(data)
             self._complain(fault)
@@ -335,7 +332,7 @@ class Input:
                 into.append(data)
 
     def look(self) -> None:
-        """Where messages are handed over: see who else publishes here, throw the copies away."""
+        """With direct messages: reject those of other publishers, discard the copies."""
         for _ in range(_MOST_MESSAGES):
             taken = self._take(self._type, True) if self.near else None
             if taken is None:
@@ -346,12 +343,12 @@ class Input:
 
     def bind(self, endpoint: Any, told: SenderInfo, rising: bool) -> None:
         """
-        Accept messages of the publisher ``endpoint`` only, as far as messages tell theirs.
+        Accept messages of the publisher ``endpoint`` only, as far as messages identify it.
 
-        ``rising``: their stamps must increase, so that duplicates are caught, where they need
-        not be the ticks'.
+        ``rising``: stamps that may differ from the ticks' must increase, so that duplicates are
+        caught.
         """
-        shared = not self._unwanted  # a handle is told from others only where there is one
+        shared = not self._unwanted  # handles distinguish publishers only on topics of one run
         self._unnamed = told is SenderInfo.NONE or (told is SenderInfo.HANDLE and shared)
         self.accepted = gid_of(endpoint) if told is SenderInfo.GID else b''
         self.sender = node_of(endpoint)
@@ -360,11 +357,10 @@ class Input:
 
 def connect(members: Iterable[tuple[Iterable[Input], Iterable[Output]]]) -> None:
     """
-    Let the nodes of one process, each with its inputs and outputs, hand over their messages.
+    Let the nodes of one process, each with its inputs and outputs, pass messages directly.
 
-    As with intra-process communication in rclcpp, a message then goes through
-    the middleware only while somebody else listens; it is serialized and judged
-    all the same.
+    As with intra-process communication in rclcpp, a message then goes through the middleware only
+    while another process subscribes; it is serialized and checked in any case.
     """
     nodes = [(list(inputs), list(outputs)) for inputs, outputs in members]
     entries = [entry for inputs, _ in nodes for entry in inputs]

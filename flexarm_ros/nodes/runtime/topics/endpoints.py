@@ -15,11 +15,10 @@
 """
 Publishers and subscriptions of the hot path, outside rclpy's executors.
 
-An rclpy executor costs 50 us a message more than the DDS hop itself, so the
-lock-step loop waits on one wait set and takes serialized bytes itself.  The
-subscriptions made here are in a callback group that no executor ever runs:
-parameter services and the rest of the node live in an ordinary executor on a
-thread of its own, which sleeps while nobody asks.
+An rclpy executor costs 50 us per message more than the DDS hop itself, so that the lock-step loop
+waits on one wait set and reads serialized bytes.  These subscriptions are in a callback group that
+no executor runs; parameter services and the rest of the node are in an ordinary executor on a
+thread of its own.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node graph of a run in rclpy's terms, and the topics that serve its flow."""
+"""The node graph of a run in rclpy's types, and the topics of its flow control."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from flexarm_ros.wire.topics import Qos, Topic
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 RECORDED_TOPIC = 'lockstep/recorded'
-"""std_msgs/UInt64 from the recorder: ticks that are whole in the bag."""
+"""std_msgs/UInt64 from the recorder: number of ticks completely recorded."""
 
 TICK_TOPIC = 'lockstep/tick'
-"""std_msgs/UInt64 from the plant, every `TICK_EVERY` ticks: the tick that it has reached."""
+"""std_msgs/UInt64 from the plant, every `TICK_EVERY` ticks: its current tick."""
 
 TICK_EVERY = 4
 
@@ -40,7 +40,7 @@ def message_class(type_name: str) -> Any:
 
 
 def qos_profile(qos: Qos) -> QoSProfile:
-    """Return rclpy's profile of a topic's quality of service."""
+    """Return the QoS of a topic as an rclpy profile."""
     return QoSProfile(
         depth=qos.depth,
         history=HistoryPolicy.KEEP_LAST,

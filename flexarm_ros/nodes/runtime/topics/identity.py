@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Which publisher a message came from, as far as the middleware and rclpy tell.
+Identity of the publisher of a message, as far as the middleware and rclpy provide it.
 
-The graph shows every endpoint with its GID.  A received message's info may hold the
-same GID (Fast DDS with rclpy of June 2025 or later), a handle that means something in
-the receiving process only (Cyclone DDS), or nothing (rclpy of Jazzy).  No name of a
-middleware decides which: each node measures it on its own status message, which comes
-back to it (`flexarm_ros.nodes.runtime.joining.status`).
+The graph shows every endpoint with its GID.  The info of a received message may hold the same
+GID (Fast DDS with rclpy of June 2025 or later), a handle that is valid in the receiving process
+only (Cyclone DDS), or nothing (rclpy of Jazzy).  Which of them is not derived from the name of the
+middleware: each node finds out from its own status message, which it receives itself
+(`flexarm_ros.nodes.runtime.joining.status`).
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from enum import Enum
 from typing import Any
 
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
-"""Name of an endpoint's node in the graph until it is known; for ever outside ROS 2."""
+"""Node name of an endpoint until it is known; permanent for endpoints outside ROS 2."""
 
 
 class SenderInfo(Enum):
-    """What a received message's info says of its publisher."""
+    """How the info of a received message identifies the publisher."""
 
     GID = 'gid'
     """The GID of the publisher as the graph shows it."""
     HANDLE = 'handle'
-    """Bytes that are the same in all messages of one publisher, and are not its GID."""
+    """Bytes common to all messages of one publisher, other than its GID."""
     NONE = 'none'
-    """Nothing."""
+    """Not at all."""
 
 
 def sender_of(info: Mapping[str, Any]) -> bytes:
-    """Return the bytes by which a message's info names its publisher; empty where it does not."""
+    """Return the bytes that identify the publisher in a message's info; empty if none do."""
     sender = info.get('publisher_gid')
     data = bytes(sender['data'])[:16] if sender else b''
     return data if any(data) else b''
