@@ -22,7 +22,7 @@ from unittest import mock
 
 from docutils import nodes
 from docutils.statemachine import StringList
-from flexarm_ros.cli import _available, build_parser
+from flexarm_ros.cli import build_parser, COMMANDS
 from sphinx.util.docutils import SphinxDirective
 
 WIDTH = '90'
@@ -45,7 +45,7 @@ class Commands(SphinxDirective):
         """Return the sections."""
         holder = nodes.section()
         lines: list[str] = []
-        for command in _available():
+        for command in COMMANDS:
             lines += [f'## {command}', '', '```text', *help_of(command).splitlines(), '```', '']
         self.state.nested_parse(StringList(lines, 'flexarm'), self.content_offset, holder)
         return holder.children

@@ -75,8 +75,8 @@ def configure(
         Short for ``run={"duration": ..., "seed": ...}``; s, and the seed of every noise.
     law
         Short for ``controller={"law": ...}``, or a class derived from
-        ``flexarm_ros.core.control.Law``: it flies under its ``NAME``, left out that of the class,
-        and its own parameters are ``controller={"NAME": {...}}``.
+        ``flexarm_ros.core.control.Law``: it is used under its ``NAME``, by default that of the
+        class, and its own parameters are ``controller={"NAME": {...}}``.
     torques
         Rows ``t, tau1, tau2`` (s, N m, N m), shape ``(n, 3)``: applied in open loop, interpolated
         linearly, instead of a control law.

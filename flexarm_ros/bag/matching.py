@@ -236,7 +236,7 @@ class _Survey:
         if not len(steps):
             raise BagContentError(
                 f'{path}: {len(stamps)} ticks with a clock, state, reference or command in it: '
-                'too few to tell the control period; give the scenario (--scenario FILE)'
+                'too few to determine the control period; give the scenario (--scenario FILE)'
             )
         period = int(steps[np.argmax(counts)])
         return Timeline(period, max(0, int(stamps[-1]) - T0_NS) // period + 1)
@@ -272,7 +272,7 @@ def _assign(
 
 def _left_out(name: str, config: RunConfig | None) -> str:
     hint = 'stamps do not fit the scenario' if config else 'with --scenario FILE it could'
-    return f'{name} is left out: messages are missing, so that its ticks cannot be told ({hint})'
+    return f'{name} is left out: messages are missing, so that its ticks are unknown ({hint})'
 
 
 def _exact_ticks(path: Path, found: Match, topic: int, stamps: IntArray) -> IntArray:

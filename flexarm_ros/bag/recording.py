@@ -123,7 +123,7 @@ def finish_run(
     Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
 
     A bag that was cut off (recorder killed, disk full) is rescued first, and the damaged one
-    kept beside it; ``work`` is told how far that is.  The bag tells which nodes were external;
+    kept beside it; ``work`` receives the progress.  The bag states which nodes were external;
     ``external`` is what is known where there is none.
     """
     provenance = Provenance.here(name, external)

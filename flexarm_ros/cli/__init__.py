@@ -31,7 +31,6 @@ from collections.abc import Sequence
 import errno
 import importlib
 import os
-from pathlib import Path
 import sys
 from typing import Any, NoReturn
 import warnings
@@ -123,15 +122,6 @@ class _Output:
             raise error
 
 
-def _available() -> dict[str, tuple[str, str]]:
-    here = Path(__file__).parent
-    return {
-        name: entry
-        for name, entry in COMMANDS.items()
-        if (here / (entry[0].replace('.', '/') + '.py')).exists()
-    }
-
-
 def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser for ``argv``; only its command's module is imported."""
     parser = _Parser(
@@ -143,7 +133,7 @@ def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument('--version', action=_Version, nargs=0, help='print the version and exit')
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', title='commands')
     wanted = next((word for word in argv if not word.startswith('-')), None)
-    for name, (module, summary) in _available().items():
+    for name, (module, summary) in COMMANDS.items():
         if name == wanted:
             importlib.import_module(f'flexarm_ros.cli.{module}').add_parser(subparsers)
         else:

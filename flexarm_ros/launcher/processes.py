@@ -157,7 +157,7 @@ class NodeProcesses(RunWatch):
         Wait for the nodes to leave; terminate, then kill, those that do not.
 
         A stopped one is continued: it then leaves, and removes its shared memory.  It is also
-        told to leave, since it may have missed the end of the run (Fast DDS drops shared
+        asked to leave, since it may have missed the end of the run (Fast DDS drops shared
         memory messages to a participant that has not read for a second).
         """
         self.ending = True

@@ -103,7 +103,7 @@ def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
         nonlocal count
         count += 1
         flight = _fly(scenario, settings or {}, _words(nodes), mode, tmp_path / f'flight-{count}')
-        print(f'flexarm: {scenario}: {flight.problem or "flown"}; see {flight.directory}')
+        print(f'flexarm: {scenario}: {flight.problem or "completed"}; see {flight.directory}')
         return flight
 
     return fly

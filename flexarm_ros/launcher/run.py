@@ -111,7 +111,7 @@ def run_scenario(
     ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
     says True the run is ended in good order.  ``verdict`` gets the outcome's ``problem`` as soon
     as a node has made the run fail, before the nodes have ended and the files are finished;
-    ``work`` is told how far the mending of the bag is; ``beside`` gives, for the ROS domain, a
+    ``work`` receives the progress of the bag's recovery; ``beside`` returns, for the ROS domain, a
     context that lasts as long as the nodes run.  Raises NoDomainError, OSError or
     BagError before anything is started, BagError too where the files of a run without a
     problem cannot be finished.
@@ -180,7 +180,9 @@ def finish(
             unstable=(report.unstable_tick, report.unstable) if report.unstable else None,
             external=external, work=work,
         )  # fmt: skip
-    except BagError as error:  # a full disk, say: why the run ended is told nevertheless
+    except (
+        BagError
+    ) as error:  # for example a full disk: the reason of the end is reported in any case
         if not outcome.problem:
             raise
         outcome.problem += f'; {error}'

@@ -72,7 +72,7 @@ def simulate_apart(
 
 
 def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name: str) -> None:
-    """Simulate and report progress until told to stop, or until the launcher is gone."""
+    """Simulate and report progress until asked to stop, or until the launcher is gone."""
     handle_ending(signal.SIG_IGN)  # signals reach the process group: the launcher decides
     allow_warnings()  # before modules that warn are imported
     from flexarm_ros.bag.simulation import simulate

@@ -115,7 +115,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     if wanted in ELSEWHERE:
         parser.error(f"'{wanted}' is not in the {NAME}; it needs a ROS 2 install")
     for name, module in COMMANDS.items():
-        # Only the command that is asked for is imported: `run` and `pkg` need no rclpy.
+        # Only the given command is imported: `run` and `pkg` need no rclpy.
         text = {'pkg': 'package look-ups'}.get(name, f'{name} commands')
         command = commands.add_parser(name, help=text, description=ABOUT)
         if name == wanted:

@@ -67,7 +67,7 @@ def node(options: argparse.Namespace, discover: bool = True) -> Iterator[Node]:
 
 
 def wait_until(looker: Node, done: Callable[[], bool], seconds: float) -> bool:
-    """Spin until `done` or for at most so many seconds; return whether it is done."""
+    """Spin until `done`, at most for the given seconds; return whether it is done."""
     end = time.monotonic() + seconds
     while True:
         if not rclpy.ok():

@@ -58,7 +58,7 @@ def add_echo_options(verb: argparse.ArgumentParser) -> None:
     """Add the options of ``topic echo``."""
     verb.add_argument('message_type', nargs='?')
     verb.add_argument('--once', action='store_true', help='print one message and exit')
-    verb.add_argument('--timeout', type=float, metavar='N', help='exit after so many seconds')
+    verb.add_argument('--timeout', type=float, metavar='N', help='exit after N seconds')
     verb.add_argument('--field', help='a field of the message: pose.pose.position')
     verb.add_argument('--csv', action='store_true', help='all fields, separated by commas')
     verb.add_argument('--no-arr', action='store_true', help='leave arrays out')

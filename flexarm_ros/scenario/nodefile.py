@@ -295,7 +295,7 @@ def _pass_over(
 
 
 def _elsewhere(node: NodeName, key: str) -> str:
-    """Return a hint to another role that has the key; empty: none of ours has."""
+    """Return a hint to another role that has the key; empty if none has."""
     places = [(role, keys_of(role)) for role in SECTIONS]
     names = [f'{role}.{key}' for role, keys in (*places, *node.others.items()) if key in keys]
     return f"; did you mean '{names[0]}'?" if names else ''

@@ -107,7 +107,7 @@ def from_dict(
     user: bool = False,
 ) -> RunConfig:
     """
-    Build a RunConfig from ``{section: {key: value}}``; ``run`` stands for ``/**``.
+    Build a RunConfig from ``{section: {key: value}}``; ``run`` means ``/**``.
 
     Keys may be dotted or nested, a value ``None`` means left out (so that ``to_dict`` is
     undone).  A torque file is opened only if ``torque_base``, the directory to which its
@@ -271,7 +271,7 @@ def nearest(section: str, key: str) -> str:
 
 
 def _read(text: str, name: str, user: bool = False) -> Values:
-    """Return what a parameter file's text gives; ``name`` stands in the errors."""
+    """Return the parameters in the text of a parameter file; errors name ``name``."""
     try:
         tree = parse(text)
         if tree is None:

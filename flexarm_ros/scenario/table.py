@@ -96,7 +96,7 @@ def put_between(text: str, begin: str, end: str, block: str) -> str:
     """
     Return ``text`` with ``block``, on lines of its own, in the place of what two marks enclose.
 
-    Raises ValueError if a mark is missing, or the first one stands there twice.
+    Raises ValueError if a mark is missing, or the first one occurs twice.
     """
     head, opened, rest = text.partition(begin)
     _, closed, tail = rest.partition(end)

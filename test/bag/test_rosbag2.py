@@ -311,7 +311,7 @@ def test_verify_needs_a_scenario(
     assert main(['verify', path, '--scenario', scenario_file]) == 0
     out = capsys.readouterr().out
     assert '200 of 200 ticks compared' in out
-    assert 'does not tell the versions' in out
+    assert 'does not contain the versions' in out
     assert out.endswith('the same\n')
     words = [f'--set={text}' for text in (
         'duration=0.2', 'encoder.latency=0.0005', 'tip_sensor.latency=0.0015')]  # fmt: skip

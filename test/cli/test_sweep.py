@@ -176,7 +176,7 @@ def test_a_signal_leaves_the_rows_and_says_how_to_go_on(number: int, file: Path)
     os.killpg(process.pid, number)  # a terminal sends it to the whole group
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 128 + number
-    assert '--out out` goes on' in errors
+    assert '--out out` continues' in errors
     assert 'Traceback' not in errors
     assert 2 <= len(table(Path('out'))) < COUNT // 2
 
@@ -345,7 +345,7 @@ def test_the_picture_tells_what_was_survived_from_what_is_stable(
     write_pictures(made, make_table(made, rows), tmp_path, linear)
     assert len(drawn) == 2
     labels = [text.get_text() for text in drawn[0].legends[0].get_texts()]
-    assert 'flown: half of the runs reach their end' in labels
+    assert 'simulated: half of the runs complete' in labels
     assert 'linear, at rest: boundary at the worst pose' in labels
     pieces = [
         line.get_xydata() for line in drawn[1].axes[0].lines

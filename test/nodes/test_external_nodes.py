@@ -142,7 +142,7 @@ def test_the_paper_s_claims_are_about_our_own_nodes(tmp_path: Path) -> None:
     run = load_run(flown(tmp_path / 'run', ['encoder'])[0])
     claims = evaluate([run])
     assert claims.tested == ()
-    assert claims.remarks == ('Left out: run was flown with external nodes: encoder.',)
+    assert claims.remarks == ('Left out: run was recorded with external nodes: encoder.',)
 
 
 def test_a_suite_names_external_nodes_and_judges_no_claim_of_the_paper_by_them(

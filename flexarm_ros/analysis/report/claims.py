@@ -94,7 +94,9 @@ def _cases(
     for run in runs:
         name = _case(run, shipped)
         if run.external:
-            remarks.append(f'{run.name} was flown with external nodes: {", ".join(run.external)}.')
+            remarks.append(
+                f'{run.name} was recorded with external nodes: {", ".join(run.external)}.'
+            )
         elif name is None:
             remarks.append(f"{run.name} is none of the paper's ten cases as they are shipped.")
         elif name in cases:

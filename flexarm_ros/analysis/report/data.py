@@ -102,7 +102,7 @@ def pack(values: FloatArray) -> tuple[float, float, str]:
     known = values[np.isfinite(values)]
     low = float(known.min()) if len(known) else 0.0
     span = float(known.max()) - low if len(known) else 0.0
-    if not np.isfinite(span):  # the two ends are further apart than a float can tell
+    if not np.isfinite(span):  # the difference of the two ends overflows
         return pack(np.where(np.abs(values) < 1e300, values, np.nan))
     scaled = (values - low) / span * STEPS if span > 0.0 else values * 0.0
     codes = np.where(np.isfinite(scaled), np.rint(scaled), STEPS + 1).astype('<u4')

@@ -370,7 +370,7 @@ def _say_origin(reader: BagReader, skip: frozenset[str], verdict: Verdict) -> No
         verdict.other_source = reader.provenance.digest != here.digest
     else:
         verdict.source_known = False
-        verdict.notes.append('the bag does not tell the versions that it was recorded with')
+        verdict.notes.append('the bag does not contain the versions that it was recorded with')
     verdict.notes += reader.notes
     for index, topic in enumerate(reader.topics):
         if index not in reader.names and topic.node not in skip:

@@ -16,7 +16,7 @@
 The files of a bag: MCAP or sqlite3, one or several, and their descriptions.
 
 A bag of this package is one MCAP file.  rosbag2 also splits bags into several files and writes
-sqlite3.  ``metadata.yaml`` is optional and only tells which files of a directory belong
+sqlite3.  ``metadata.yaml`` is optional and only states which files of a directory belong
 together; no path found in a bag is ever opened.
 """
 

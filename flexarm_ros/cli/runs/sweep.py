@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(str(error)) from None
     if signals.signum:
         again = f'flexarm sweep {args.sweep} --out {directory}'
-        print(f'flexarm sweep: {len(missing)} runs left; `{again}` goes on', file=sys.stderr)
+        print(f'flexarm sweep: {len(missing)} runs left; `{again}` continues', file=sys.stderr)
         return signals.status
     return 1 if {'failed', 'crashed'} & set(counts) or set(counts) == {'invalid'} else 0
 

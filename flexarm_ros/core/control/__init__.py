@@ -56,7 +56,7 @@ __all__ = [
 
 def register_law(name: str, law: type[Law], prefix: str = '') -> None:
     """
-    Let ``controller.law: name`` fly ``law``, its keys being ``controller.PREFIX.KEY``.
+    Register ``law`` as ``controller.law: name``, with the keys ``controller.PREFIX.KEY``.
 
     ``prefix`` left out is ``name``.  The class is taken as it is: who registers it has checked it
     (`flexarm_ros.scenario.plugins`).

@@ -436,8 +436,8 @@ def values_of(config: RunConfig, section: str) -> dict[str, Any]:
     """
     Return ``{key: value}`` of a section.
 
-    A registered law's keys are in it where the law flies or one of them is not at its default; an
-    optional section that is absent has none.
+    A registered law's keys are included if it is the law or one of them differs from its default;
+    an absent optional section has none.
     """
     held = config.section(section)
     if held is None:

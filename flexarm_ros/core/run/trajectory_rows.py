@@ -85,7 +85,7 @@ class Rows:
         ``q``, ``qd`` ``(n,)``: plant coordinates and rates; ``deflection``:
         delta1, delta2 (m); ``measured``: x, y of the sensed point as delivered
         (m); ``torque``: tau1, tau2 (N m); ``published``: x, y of the reference as
-        recorded, which counts if the trajectory was external; ``further``: the values of the
+        recorded, used if the trajectory is external; ``further``: the values of the
         optional parts' columns.
         """
         if k >= self._agenda.next:  # lambda depends on kn

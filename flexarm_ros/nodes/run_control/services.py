@@ -118,7 +118,7 @@ class RunControl:
             self.begin(self._plant.tick)
 
     def step(self, ticks: int) -> bool:
-        """Let a paused run advance by so many ticks; False if it is not paused."""
+        """Let a paused run advance by ``ticks``; False if it is not paused."""
         with self._lock:
             if not self.paused:
                 return False

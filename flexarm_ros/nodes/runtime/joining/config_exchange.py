@@ -63,8 +63,8 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
     Return ``own`` with each peer's section as the peer published it.
 
     ``told`` maps a role to its node's name and its sections as JSON.  Raises
-    Disagreement where a common parameter or the list of optional parts differs, or where what a
-    node told is not a scenario's: it came over the network, so it is checked as a file is.
+    Disagreement if a common parameter or the list of optional parts differs, or if a node's
+    sections are not valid in a scenario: they come over the network and are checked like a file.
     """
     merged = own
     for role, (node, text) in told.items():
@@ -95,9 +95,9 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
     Return the scenario published by the nodes, for a viewer without one; ``own`` fills gaps.
 
     ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
-    travel in no status, an external controller tells nothing, a law of another package may not
-    be installed here: the law then counts as one without lambda.  Optional parts are left out:
-    a viewer shows the required ones.
+    are not in a status, an external controller publishes none, and a law of another package may
+    not be installed here: the law then counts as one without lambda.  Optional parts are left
+    out: a viewer shows the required ones.
     """
     own = replace(own, further=())
     told = {role: (node, _required(text)) for role, (node, text) in told.items()}
@@ -117,7 +117,7 @@ def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfi
 
 
 def _required(text: str) -> str:
-    """Return what a node tells without the list of optional parts."""
+    """Return a node's published sections without the list of optional parts."""
     try:
         return json.dumps({k: v for k, v in json.loads(text).items() if k != 'optional'})
     except (ValueError, AttributeError, RecursionError):
