@@ -30,7 +30,7 @@ import time
 from bench.table import machine, Part, summary
 from flexarm_ros.scenario.table import put_between
 
-PARTS = ('distributed', 'loop', 'models', 'sweeps', 'recording', 'growth')
+PARTS = ('distributed', 'loop', 'models', 'sweeps', 'recording', 'growth', 'realtime')
 PAGE = Path('docs/performance.md')
 
 

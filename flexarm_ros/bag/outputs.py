@@ -39,6 +39,7 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.parts import columns
+from flexarm_ros.core.run.real_time import RunTiming
 from flexarm_ros.core.run.trajectory_rows import header, Row, Rows
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics, REFERENCE, STATE, TIP
@@ -115,12 +116,14 @@ def summary_of(
     wall_s: float | None = None,
     unstable: tuple[int, str] | None = None,
     problem: str = '',
+    timing: RunTiming | None = None,
 ) -> dict[str, Any]:
     """
     Return the content of ``summary.json`` for a run that has ended.
 
     ``unstable`` is the tick and the text of the state that ended the run.  ``external`` are the
-    roles of external nodes; parameters that are unused with them are left out.
+    roles of external nodes; parameters that are unused with them are left out.  ``timing`` is that
+    of a free-running run.
     """
     timeline = Timeline.of(config.run)
     ticks = metrics['ticks']
@@ -136,6 +139,7 @@ def summary_of(
         **metrics,
         'wall_s': wall_s,
         'rtf': simulated / wall_s if wall_s else None,
+        **({} if timing is None else {'real_time': timing.summary()}),
         'versions': {**provenance.versions, **_ros_versions(), 'commit': provenance.commit},
         'scenario': scenario.to_dict(bag_config(config), provenance.external),
         **({'changes': [c._asdict() for c in config.changes]} if config.changes else {}),

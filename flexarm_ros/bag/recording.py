@@ -39,9 +39,11 @@ from flexarm_ros.bag.outputs import (
 )
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.timing import TimingLog
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.real_time import RunTiming
 
 BAG = 'bag'
 _DAMAGED = 'bag-damaged'
@@ -128,15 +130,20 @@ def finish_run(
     """
     provenance = Provenance.here(name, external)
     metrics = Metrics(config).result()
+    timing: RunTiming | None = None
     try:
         _mend_bag(directory, config, provenance, work)
         reader = BagReader(directory)
         provenance = replace(provenance, external=reader.provenance.external)
         config = replace(config, changes=reader.config.changes)
-        metrics = write_trajectory(directory, config, reader.blocks(), provenance.external)
+        log = TimingLog(config, reader.topics)
+        blocks = log.watch(reader.blocks())
+        metrics = write_trajectory(directory, config, blocks, provenance.external)
+        timing = log.timing
+        log.write(directory)
     except BagError as error:
         problem = problem or str(error)
-    summary = summary_of(config, metrics, provenance, wall_s, unstable, problem)
+    summary = summary_of(config, metrics, provenance, wall_s, unstable, problem, timing)
     write_summary(directory, summary)
     return summary
 

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 import os
 from pathlib import Path
 import time
@@ -112,6 +113,8 @@ def simulate(
     is written.
     """
     directory = Path(directory)
+    # There is no wall clock here to run freely by: each tick is answered.
+    config = replace(config, run=replace(config.run, sync='lockstep'))
     loop = ClosedLoop(config)
     prepare_directory(directory, config, name)
     total, interrupted = loop.timeline.ticks, False

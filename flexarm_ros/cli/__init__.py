@@ -55,6 +55,7 @@ COMMANDS = {
     'export': ('bags.export', "export a bag's messages as CSV or Parquet"),
     'compare': ('bags.compare', 'compare the messages of two runs'),
     'view': ('view', 'show a running simulation in a browser'),
+    'doctor': ('doctor', 'print what this machine allows of real time, and its timing'),
 }
 """Command -> (module of this package, one line of help)."""
 

@@ -53,6 +53,10 @@ class Report:
     heard: set[str] = field(default_factory=set)
     """Roles that have sent a report."""
     done: set[str] = field(default_factory=set)
+    timing: str = ''
+    """Timing of a free-running run so far, for the progress line."""
+    remarks: list[str] = field(default_factory=list)
+    """What the plant has to tell the user, oldest first."""
 
     def take(self, line: dict[str, Any]) -> None:
         """Process one line of a node."""
@@ -70,6 +74,9 @@ class Report:
             self.failures.append(line)
         if phase == 'done':
             self.done.add(role)
+        self.timing = line.get('timing', self.timing)
+        if 'remark' in line:
+            self.remarks.append(line['remark'])
 
 
 class RunWatch:
@@ -85,6 +92,8 @@ class RunWatch:
         self.report = Report()
         self.external = frozenset(external)
         self.deaths: list[tuple[str, int]] = []
+        self.dispensable: frozenset[str] = frozenset()
+        """Nodes without which the run goes on."""
         self._verdict = ''
         self._logs = logs
         self.ending = False
@@ -133,14 +142,30 @@ class RunWatch:
         *lines, self._buffer = self._buffer.split(b'\n')
         for line in lines:
             with contextlib.suppress(ValueError, KeyError, TypeError):
-                self.report.take(json.loads(line))
+                self._take(json.loads(line))
+
+    def _take(self, line: dict[str, Any]) -> None:
+        if line.get('phase') == 'failed' and line.get('role') in self._dispensable:
+            self.report.remarks.append(f'{line["role"]}: {line["text"]}; the run goes on')
+            self.report.done.add(line['role'])
+        else:
+            self.report.take(line)
+
+    @property
+    def _dispensable(self) -> frozenset[str]:
+        """Nodes without which the run goes on now: it has begun."""
+        return frozenset() if self.report.started_at is None else self.dispensable
 
     def ended(self, name: str, status: int) -> None:
         """Record the end of a process, with the exit status as in `subprocess`."""
         self.take_reports()
         told = {line['role'] for line in self.report.failures} | self.report.done
         expected = bool(told) if name == 'compose' else self.ending or name in told
-        if not expected:
+        if expected:
+            return
+        if name in self._dispensable:
+            self.report.remarks.append(f'{self._obituary(name, status)}; the run goes on')
+        else:
             self.deaths.append((name, status))
 
     def forgive(self) -> None:

@@ -33,7 +33,8 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory, Work
 from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, specs
-from flexarm_ros.core.run.parts import replaceable, roles
+from flexarm_ros.core.run.parts import ControllerPart, replaceable, roles
+from flexarm_ros.core.run.real_time import outlives_controller
 from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
@@ -104,6 +105,7 @@ def run_scenario(
     verdict: Callable[[str], None] = lambda _: None,
     work: Work = lambda *_: None,
     beside: Callable[[int], AbstractContextManager[None]] = lambda _: nullcontext(),
+    timing: Callable[[str], None] = lambda _: None,
 ) -> RunOutcome:
     """
     Run ``config`` as ROS 2 nodes and return the outcome.
@@ -111,8 +113,9 @@ def run_scenario(
     ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
     says True the run is ended in good order.  ``verdict`` gets the outcome's ``problem`` as soon
     as a node has made the run fail, before the nodes have ended and the files are finished;
-    ``work`` receives the progress of the bag's recovery; ``beside`` returns, for the ROS domain, a
-    context that lasts as long as the nodes run.  Raises NoDomainError, OSError or
+    ``work`` receives the progress of the bag's recovery, ``timing`` the timing of a free-running
+    run so far; ``beside`` returns, for the ROS domain, a context that lasts as long as the nodes
+    run.  Raises NoDomainError, OSError or
     BagError before anything is started, BagError too where the files of a run without a
     problem cannot be finished.
     """
@@ -132,13 +135,38 @@ def run_scenario(
                 commands, environment, logs, options.nodes,
                 scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
             ) as nodes:  # fmt: skip
+                nodes.dispensable = dispensable(config)
                 broken_off = partial(_tell, nodes, verdict, external if again else None)
-                interrupted = _supervise(nodes, config, watch, stop, faults, broken_off)
+                interrupted = _supervise(
+                    nodes, config, Reported(watch, announce, timing), stop, faults, broken_off
+                )
             if not again or interrupted or not nodes.never_met(external):
                 break
             announce(f'{nodes.blame()}; starting the nodes again')
             _set_aside(directory, logs)
     return finish(directory, config, name, nodes, interrupted, external, work)
+
+
+def dispensable(config: RunConfig) -> frozenset[str]:
+    """Return the roles without which a run goes on."""
+    return frozenset([ControllerPart.NAME] if outlives_controller(config) else [])
+
+
+class Reported:
+    """Passes on what the nodes report of a run that goes on."""
+
+    def __init__(
+        self, watch: Watch, announce: Callable[[str], None], timing: Callable[[str], None]
+    ) -> None:
+        self._watch, self._announce, self._timing = watch, announce, timing
+
+    def __call__(self, nodes: RunWatch, total: int) -> None:
+        """Pass on what is new; ``total``: ticks of the run."""
+        report = nodes.report
+        while report.remarks:
+            self._announce(report.remarks.pop(0))
+        self._timing(report.timing)
+        self._watch(report.tick, total)
 
 
 def _tell(
@@ -286,7 +314,7 @@ def _environment(domain: int, options: RunOptions) -> dict[str, str]:
 def _supervise(
     nodes: NodeProcesses,
     config: RunConfig,
-    watch: Watch,
+    watch: Reported,
     stop: Callable[[], bool],
     faults: FaultPlan | None,
     broken_off: Callable[[], None],
@@ -302,7 +330,7 @@ def _supervise(
         nodes.poll(0.05)
         if faults is not None:
             faults(nodes)
-        watch(nodes.report.tick, total)
+        watch(nodes, total)
         if stop():
             nodes.interrupt_run()
             nodes.end(config.run.tick_timeout)
@@ -317,7 +345,7 @@ def _supervise(
             return False
         if 'plant' in nodes.report.done:
             leaving.check(nodes)
-    watch(nodes.report.tick, total)
+    watch(nodes, total)
     nodes.end(0.0)  # external nodes may not know that the run is over
     return False
 

@@ -18,17 +18,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import copy
+import time
 from typing import Any, ClassVar
 
 from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.run.make_plant import make_plant
+from flexarm_ros.core.run.real_time import flat, shown
+from flexarm_ros.nodes.realtime.command import CommandInput
+from flexarm_ros.nodes.realtime.free import FreeRun
+from flexarm_ros.nodes.realtime.free import RECORDER_WINDOW as RECORDER_WINDOW_FREE
+from flexarm_ros.nodes.realtime.system import ask, SYSTEM_KEYS
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
 from flexarm_ros.nodes.runtime.joining.status import Phase
 from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
+from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
+from flexarm_ros.wire.topics import APPLIED, applied, TIMING, Topic
 
 RECORDER_WINDOW = 256
 """Maximum number of ticks ahead of the recorder, well below the queue depth of the topics."""
@@ -59,11 +67,26 @@ class PlantNode(Participant):
         holds = str(self.get_parameter('hold_at').value or '')
         self._holds = sorted(int(text) for text in holds.split(',') if text.strip())
         self._sent = False
-        self._free = self.again = self.config.run.sync == 'free'
+        self.again = self.config.run.sync == 'free'
+        self._free: FreeRun | None = None
+        self._asked, self._told, self._said_lost = False, 0.0, ''
         self.control = RunControl(self)
         self.standard = offer_standard_services(self, self.control)
-        if self._free and self.control.rtf == 0.0:
+        if self.again and self.control.rtf == 0.0:
             self.control.rtf = 1.0
+
+    def make_endpoints(self) -> None:
+        """Create them; in a free-running run, one for the commands that are held."""
+        super().make_endpoints()
+        for topic in self.inputs.copy().values():
+            name = topic.topic.recorded_from
+            if name and name not in self.outputs:
+                self.outputs[name] = Output(self, applied(topic.topic))
+
+    def make_input(self, topic: Topic) -> Input:
+        """Return the reading end of the torques: in a free-running run the newest counts."""
+        kind = CommandInput if topic.recorded_from else Input
+        return kind(self, topic, self.invalid_message)
 
     def build(self) -> None:
         """Create the arm at its initial state."""
@@ -73,8 +96,18 @@ class PlantNode(Participant):
         self._state = self.outputs['plant/state']
         self._missing = self._command
         self._window = recorder_window(self.timeline.period_ns)
+        self._free = self._free_run()
         self._sent = False
         self._reported_hold = False
+
+    def _free_run(self) -> FreeRun | None:
+        if not isinstance(self._command, CommandInput):
+            return None
+        self._window = RECORDER_WINDOW_FREE
+        return FreeRun(
+            self.config.plant, self.timeline, self.control, self._command,
+            self.outputs[APPLIED], self.outputs[TIMING],
+        )  # fmt: skip
 
     def warm_up(self) -> None:
         """Integrate one step of a copy."""
@@ -83,18 +116,30 @@ class PlantNode(Participant):
     def check_start(self, now: float) -> None:
         """Start when every participant is ready."""
         if self.membership.all_ready(self.epochs.number):
-            self.control.begin(0)
+            if self._free is not None:
+                self._ask_system()
             self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
+            self.control.begin(0)
             if self.control.paused:
                 go_on = how_to_go_on(self.get_fully_qualified_name())
                 self.get_logger().info(f'paused before tick 0; to start: {go_on}')
         else:
             self.waiting.check_ready(now)
 
+    def _ask_system(self) -> None:
+        """Request what steady timing needs, once, and tell what was granted."""
+        if self._asked:
+            return
+        self._asked = True
+        pace = (self.get_parameter(key).value for key in SYSTEM_KEYS)
+        said = '; '.join(ask(*pace))
+        self.get_logger().info(f'real time: {said}')
+        self.supervisor.report(self.ROLE, remark=f'real time: {said}')
+
     def advance(self) -> bool:
         """Integrate with the torque for the last published state, then publish the next state."""
-        if self._free:
-            return self._advance_free()
+        if self._free is not None:
+            return self._advance_free(self._free)
         answered = self._sent
         if answered:
             if not self.have(self._command):
@@ -102,11 +147,11 @@ class PlantNode(Participant):
             self._sent = False
             if self.tick + 1 >= self.timeline.ticks:
                 self.tick += 1
-                self.ending.finish()
+                self._finish()
                 return False
             if not self._integrate(self._command.values):
                 return False
-        if self._held():
+        if self._held(self.tick):
             return answered
         self._send()
         self._sent = True
@@ -114,30 +159,56 @@ class PlantNode(Participant):
 
     def _integrate(self, torque: Sequence[float]) -> bool:
         """Integrate to the next tick with constant torque; False if the arm is unstable there."""
-        self.plant.step(torque[0], torque[1])
-        trouble = instability(self.plant)
+        trouble = self._step(torque)
         if trouble:
             self._end_unstable(trouble)
             return False
         self.tick += 1
         return True
 
-    def _advance_free(self) -> bool:
-        """Follow the wall clock with the newest torque received, without waiting for one."""
-        while self._command.tick < self.tick and self._command.fetch(self._command.tick + 1):
-            pass
-        last = self.timeline.ticks - 1
-        if self.tick > last:
-            if self._command.tick >= last:
-                self.ending.finish()
+    def _step(self, torque: Sequence[float]) -> str:
+        """Integrate over a tick; return what makes the arm unstable behind it, or nothing."""
+        self.plant.step(torque[0], torque[1])
+        return instability(self.plant) or ''
+
+    def _advance_free(self, free: FreeRun) -> bool:
+        """Begin the next tick if it is due, with the newest torque held over the last one."""
+        if self._sent:
+            free.poll(self.tick)
+        if self._held(self._following):
             return False
-        if self._held():
-            return False
-        self._send()
-        if self.tick == last:
+        now = time.monotonic()
+        if not self._sent:
+            if not self.control.paused:
+                self.control.begin(self.tick)  # the first tick sets the time of all
+            now = time.monotonic()
+            self._send()
+            self._sent = True
+        else:
+            torque = free.end(self.tick)
+            last = self._following == self.timeline.ticks
+            trouble = '' if last else self._step(torque)
+            if trouble or last:
+                free.tell(self.tick, torque)
+                self._end_free(trouble)
+                return False
             self.tick += 1
-            return True
-        return self._integrate(self._command.values or (0.0, 0.0))
+            self._send()  # first what others wait for
+            free.tell(self.tick - 1, torque)
+        free.begin(self.tick, now)
+        return True
+
+    def _end_free(self, trouble: str) -> None:
+        if trouble:
+            self._end_unstable(trouble)
+        else:
+            self.tick += 1
+            self._finish()
+
+    @property
+    def _following(self) -> int:
+        """The tick that is to be published next; in lock-step the last one is answered first."""
+        return self.tick + (self._sent and self._free is not None)
 
     def _send(self) -> None:
         if self.tick % TICK_EVERY == 0:
@@ -149,11 +220,11 @@ class PlantNode(Participant):
         if self._time.topic.due(self.tick):
             self._time.send(stamp)
 
-    def _held(self) -> bool:
-        """Whether the next tick must wait for the launcher, the recorder or the wall clock."""
-        if self._holds and self.tick >= self._holds[0]:
+    def _held(self, tick: int) -> bool:
+        """Whether ``tick`` must wait for the launcher, the recorder or the wall clock."""
+        if self._holds and tick >= self._holds[0]:
             return self._held_by_launcher()
-        return self._ahead_of_recorder(self._window) or not self.control.may_begin(self.tick)
+        return self._ahead_of_recorder(self._window) or not self.control.may_begin(tick)
 
     def _ahead_of_recorder(self, ticks: int) -> bool:
         """Whether at least ``ticks`` published ticks are not recorded yet."""
@@ -177,6 +248,14 @@ class PlantNode(Participant):
         self._holds.pop(0)
         return bool(self._holds) and self.tick >= self._holds[0]
 
+    def _finish(self) -> None:
+        """Leave a run that is complete; tell if the requested speed could not be held."""
+        if self._free is not None:
+            self._tell_loss(self._free)
+        if shortfall := self.control.shortfall(self.tick):
+            self._remark(shortfall)
+        self.ending.finish()
+
     def _tell(self, phase: Phase) -> None:
         """Publish the phase and the intended wall time per tick."""
         extra = self.epochs.extra(pace_s=repr(self.control.pace_s()))
@@ -191,25 +270,47 @@ class PlantNode(Participant):
             elif self.control.paused != (self.board.mine.phase is Phase.PAUSED):
                 self._tell(Phase.PAUSED if self.control.paused else Phase.RUNNING)
         super().poll_peers(now)
+        if self._free is not None:
+            self._tell_loss(self._free)
+            self.missing = self.missing or self._free.lost
+            if now - self._told >= 1.0:
+                self._told = now
+                self.supervisor.report(self.ROLE, timing=shown(self._free.live.values()))
+
+    def _tell_loss(self, free: FreeRun) -> None:
+        if free.lost != self._said_lost:
+            self._said_lost = free.lost
+            self._remark(free.lost or 'torques arrive again')
+
+    def _remark(self, text: str) -> None:
+        """Tell the user, in the log and through the launcher."""
+        self.get_logger().warning(text)
+        self.supervisor.report(self.ROLE, remark=text)
+
+    def further_diagnostics(self) -> dict[str, str]:
+        """Return the timing of a free-running run so far."""
+        return {} if self._free is None else flat(self._free.live.values())
 
     def max_sleep_s(self, now: float) -> float:
         """Return the time until the next tick is due, at most."""
-        if self._holds and self.tick >= self._holds[0]:
+        if self._holds and self._following >= self._holds[0]:
             return 0.002
         longest = super().max_sleep_s(now)
-        if self._sent or not self.under_way:
+        if not self.under_way or (self._sent and self._free is None):
             return longest
-        return self.control.max_sleep_s(self.tick, now, longest)
+        if self._ahead_of_recorder(self._window):
+            return longest  # its progress wakes this node
+        return self.control.max_sleep_s(self._following, now, longest)
 
     def blocked_on(self) -> list[Any]:
         """Wait for the torque, or for the recorder's progress if too far ahead of it."""
-        if self._sent or not self.under_way:
+        if not self.under_way or (self._sent and self._free is None):
             return super().blocked_on()
         return [self._recorded.handle] if self._ahead_of_recorder(self._window) else []
 
     def waiting_for(self) -> tuple[str, str]:
         """Return the recorder if the plant waits for it, else the controller."""
-        if not self._sent:
+        if not self._sent or self._free is not None:
             return 'recorder', 'nothing recorded'
         return 'controller', 'no torque on joint_command'
 
@@ -236,6 +337,9 @@ class PlantNode(Participant):
         """End the run in order: the published tick is the last."""
         if self.supervisor.gone or self.board.mine.phase is not Phase.RUNNING:
             super().interrupt()
+        elif self._sent and self._free is not None:
+            self._free.tell(self.tick, self._free.end(self.tick))
+            self.end_at(self.tick, 'interrupted')
         elif self._sent and self.interrupted < 2:
             if not self._command.fetch(self.tick):
                 return  # its torque is in transit; the tick limit applies

@@ -29,11 +29,14 @@ from flexarm_ros.bag.recording import (
     prepare_directory,
     Recording,
 )
+from flexarm_ros.nodes.realtime.command import AppliedInput
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.parameters.live import ChangesInput
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressOutput
+from flexarm_ros.nodes.runtime.topics.channels import Input
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC
+from flexarm_ros.wire.topics import applied, Topic
 
 _LOOK_S = 0.02
 """Maximum wall time between two batches, s; waking up for each message would cost more."""
@@ -60,6 +63,12 @@ class RecorderNode(Participant):
         self._recording: Recording | None = None
         self._first_wall: float | None = None
         self._due, self._look_s = 0.0, _LOOK_S
+
+    def make_input(self, topic: Topic) -> Input:
+        """Return the reading end of a topic: of the one that it is recorded from."""
+        if topic.recorded_from:
+            return AppliedInput(self, applied(topic), self.invalid_message)
+        return super().make_input(topic)
 
     def build(self) -> None:
         """Create the output directory; nothing is overwritten."""

@@ -16,7 +16,8 @@
 The topics of a run: names, types, quality of service and canonical order.
 
 Each of these topics carries exactly one message at every tick, except ``/clock``, which depends
-on ``/**.clock_rate``.  The topics follow from the scenario's parts (`flexarm_ros.core.run.parts`).
+on ``/**.clock_rate``, and ``joint_command`` of a free-running run.  The topics follow from the
+scenario's parts (`flexarm_ros.core.run.parts`).
 The order of ``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
 the data flow: clock, state, measurements and reference, torque; then what optional parts publish.
 """
@@ -62,7 +63,8 @@ class Topic:
     ``name`` is relative (``plant/state``), so that namespaces and remapping
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
     it, at tick 0 and every ``every`` ticks.  For the stamps ``late`` and ``ahead`` see
-    `flexarm_ros.core.run.part.Part`.
+    `flexarm_ros.core.run.part.Part`.  ``recorded_from``: the topic from which the recorder has
+    it, if another.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Topic:
     every: int = 1
     late: bool = False
     ahead: bool = False
+    recorded_from: str = ''
 
     def due(self, tick: int) -> bool:
         """Whether a message belongs to ``tick``."""
@@ -92,8 +95,41 @@ class Topic:
         return self.codec.type_name
 
 
+APPLIED = 'plant/applied_command'
+"""In a free-running run: the command that the plant has held, recorded as ``joint_command``."""
+
+TIMING = 'plant/timing'
+"""In a free-running run: the wall times `TIMES` of each tick."""
+
+TIMES = ('tick', 'due', 'command')
+"""Names in `TIMING`; ``position``: s since the first tick was due, by a monotonic clock.
+
+When the tick began, when it was due, and when the command held over it arrived (-1: none yet).
+"""
+
+
 def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
-    """Return the topics of a run in canonical order."""
+    """
+    Return the topics of a run in canonical order.
+
+    In a free-running one the message of a tick on ``joint_command`` is the command that the plant
+    held, with the stamp of the tick that it answers, and the times of each tick come last.
+    """
+    topics = _lockstep_topics(config)
+    if config.run.sync != 'free':
+        return topics
+    held = replace(topics[COMMAND], late=True, recorded_from=APPLIED)
+    timing = Topic(TIMING, parts.PlantPart.NAME, JointStateCodec(TIMES, '', ('position',)))
+    return (*topics[:COMMAND], held, *topics[COMMAND + 1 :], timing)
+
+
+def applied(command: Topic) -> Topic:
+    """Return the topic on which the plant tells which ``command`` it held."""
+    name = command.recorded_from
+    return replace(command, name=name, node=parts.PlantPart.NAME, recorded_from='')
+
+
+def _lockstep_topics(config: RunConfig) -> tuple[Topic, ...]:
     return tuple(
         Topic(
             signal.name,

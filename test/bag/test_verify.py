@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 import json
 from pathlib import Path
 import sys
@@ -306,13 +305,6 @@ def test_says_that_versions_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     verdict = verify(bag)
     assert verdict.other_source
     assert any('source' in text for text in verdict.versions)
-
-
-def test_a_free_running_run_is_verified_node_by_node(tmp_path: Path) -> None:
-    config = replace(CONFIG, run=replace(CONFIG.run, sync='free'))
-    verdict = verify(write_messages(tmp_path / 'bag', config))
-    assert verdict.same and 'closed loop' not in verdict.compared
-    assert any('node by node' in note for note in verdict.notes)
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ from flexarm_ros.analysis.report import tables
 from flexarm_ros.analysis.report.claims import evaluate
 from flexarm_ros.analysis.report.data import page_data
 from flexarm_ros.analysis.report.runs import load_runs, ReportedRun
+from flexarm_ros.analysis.report.timing import timing_section
 from flexarm_ros.bag.mcap.files import naming
 import numpy as np
 
@@ -81,6 +82,7 @@ def render(runs: Sequence[ReportedRun]) -> str:
         script=script,
         script_hash=_hash(script),
         metrics=tables.metrics_table(runs),
+        timing=timing_section(runs),
         claims=tables.claims_section(evaluate(runs)),
         sampling=escape(_sampling(data)),
         fls=_fls_section() if fuzzy else '',

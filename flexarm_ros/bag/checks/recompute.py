@@ -54,6 +54,9 @@ class Nodes:
         self._timeline = Timeline.of(config.run)
         self._plant = make_plant(config)
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
+        self._last_held = self._timeline.stamp_ns(0)
+        self._answers: dict[int, Values] | None = {} if config.run.sync == 'free' else None
+        """In a free-running run: the controller's answers by stamp, which may act later."""
         self._parts = [
             _Recomputed(part(config), topics, part.reads(config))
             for part in answering(config)
@@ -76,7 +79,28 @@ class Nodes:
         views[STATE] = MessageState(recorded) if recorded is not None else None
         for part in self._parts:
             found.update(part.expected(tick, stamp, views))
+        if self._answers is not None and COMMAND in found:
+            self._answers[stamp] = found.pop(COMMAND)[1]
         return {i: w for i, w in found.items() if self._topics[i].node not in self._skip}
+
+    def held(self, tick: int, stamp: int) -> Stamped | None:
+        """
+        Return the command with this ``stamp`` that a free-running plant holds over ``tick``.
+
+        None if the answer is not known.  Stamps never fall, so that earlier answers are
+        forgotten; 0: there is no command.
+        """
+        answers, now = self._answers, self._timeline.stamp_ns(tick)
+        if not answers:
+            return None
+        if stamp == 0:
+            return 0, (0.0, 0.0)
+        if not self._last_held <= stamp <= now or (now - stamp) % self._timeline.period_ns:
+            return now, answers.get(now, (0.0, 0.0))
+        self._last_held = stamp
+        while answers and next(iter(answers)) < stamp:
+            del answers[next(iter(answers))]
+        return (stamp, answers[stamp]) if stamp in answers else None
 
     def _retune(self, tick: int) -> None:
         for change in self._agenda.due(tick):

@@ -74,7 +74,13 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--without', choices=('controller',), default='',
-        help='do not publish the torque: an external controller computes it in lock-step',
+        help='do not publish the torque: an external controller computes it, in lock-step '
+        'or with --timing recorded by the wall clock',
+    )  # fmt: skip
+    parser.add_argument(
+        '--timing', choices=('even', 'recorded'), default='even',
+        help='even: ticks at equal intervals (default); recorded: of a free-running run, ticks '
+        'and torques at their recorded wall times',
     )  # fmt: skip
     parser.add_argument(
         '--delay', type=_rate, default=1.0, metavar='S',
@@ -102,6 +108,7 @@ def run(args: argparse.Namespace) -> int:
         'topics': quoted(','.join(args.topics)),
         'exclude': quoted(','.join(args.exclude)),
         'without': f"'{args.without}'",
+        'timing': args.timing,
         'delay': repr(args.delay),
         'scenario': quoted(args.scenario or ''),
         'set': quoted(';'.join(args.overrides)),

@@ -96,7 +96,11 @@ class Progress(_Shown):
         self._period, self._duration = config.run.control_period, config.run.duration
         self._start: float | None = None
         self._first = 0
-        self._work = ''
+        self._work = self._timing = ''
+
+    def timing(self, text: str) -> None:
+        """Set what is known of the timing of a free-running run."""
+        self._timing = text
 
     def work(self, text: str, share: float) -> None:
         """Take what is done after the run, and the share of it that is done."""
@@ -121,6 +125,8 @@ class Progress(_Shown):
         if factor > 0.0:
             shown = f'{factor:.1f}' if factor >= 1.0 else f'{factor:.2g}'
             note += f', {shown} times real time'
+        if self._timing:
+            note += f', {self._timing}'
         if self._bar is not None:
             self._show(ticks, total, note)
         elif self._line_is_due():

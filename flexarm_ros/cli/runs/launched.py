@@ -38,7 +38,13 @@ from flexarm_ros.cli.options.output import new_directory, show_outcome
 from flexarm_ros.cli.options.progress import Progress
 from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.launcher.reports import RunWatch
-from flexarm_ros.launcher.run import finish, own_arguments, write_resolved
+from flexarm_ros.launcher.run import (
+    dispensable,
+    finish,
+    own_arguments,
+    Reported,
+    write_resolved,
+)
 
 
 class Argument(NamedTuple):
@@ -97,7 +103,10 @@ class LaunchedRun:
         pace = self.config.pace
         pace = replace(pace, real_time_factor=rtf or pace.real_time_factor)
         self._own = own_arguments(self.directory, self.name, pace)
+        self.nodes.dispensable = dispensable(self.config)
         self._progress = Progress(self.config, self.name)
+        progress = self._progress
+        self._reported = Reported(progress.update, progress.say, progress.timing)
         self._total = round(self.config.run.duration / self.config.run.control_period)
         warm_up(self.config)  # once, before all processes do it at the same time
 
@@ -109,7 +118,7 @@ class LaunchedRun:
         """Process the nodes' reports and show progress; call this often."""
         self.nodes.take_reports()
         if not self.nodes.ending:
-            self._progress.update(self.nodes.report.tick, self._total)
+            self._reported(self.nodes, self._total)
 
     def finish(self, interrupted: bool) -> str:
         """

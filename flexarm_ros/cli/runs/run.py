@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
         outcome = run_scenario(
             config, name, directory, options,
             announce=progress.say, watch=progress.update, stop=lambda: bool(signals.signum),
-            verdict=verdict, work=progress.work, beside=beside,
+            verdict=verdict, work=progress.work, beside=beside, timing=progress.timing,
         )  # fmt: skip
     if outcome.problem and not told:
         print(f'flexarm run: {outcome.problem}', file=sys.stderr)

@@ -160,6 +160,15 @@ class PlantParameters:
     initial_velocity: tuple[float, float] | None = _key(
         None, 'float2', 'rad/s', 'initial joint rates; default: at rest', low=-1e4, high=1e4
     )
+    command_hold: float = _key(
+        0.5, 'float', 's', 'with `sync: free`, time for which the last torque is held if no new '
+        'one arrives; then `plant.command_loss` applies', low=0.0, high=1e7,
+    )  # fmt: skip
+    command_loss: str = _key(
+        'end', 'str', '', 'with `sync: free`, end: the run ends if no torque has arrived for '
+        '`plant.command_hold`; zero: zero torque until the next one arrives',
+        choices=('end', 'zero'),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -359,6 +368,18 @@ class PaceParameters:
     start_paused: bool = _key(
         False, 'bool', '', 'the nodes of a run wait before tick 0 for the service `plant/pause` '
         '(data: false) or `plant/step`',
+    )  # fmt: skip
+    realtime_priority: int = _key(
+        10, 'int', '', 'with `sync: free`, SCHED_FIFO priority that the plant requests for '
+        'its loop; 0: none', low=0, high=99,
+    )  # fmt: skip
+    realtime_cpu: int = _key(
+        -1, 'int', '', 'with `sync: free`, number of the CPU that the plant binds its loop to; '
+        '-1: any', low=-1, high=4095,
+    )  # fmt: skip
+    lock_memory: bool = _key(
+        True, 'bool', '', "with `sync: free`, the plant's process requests that its memory is "
+        'not paged out (mlockall)',
     )  # fmt: skip
 
 

@@ -41,6 +41,7 @@ class PlayerOptions:
     topics: tuple[str, ...]
     exclude: tuple[str, ...]
     without: str
+    timing: str
     delay: float
     tick_timeout: float
     scenario: str
@@ -67,6 +68,8 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
         raise PlayerError("bag: missing; give a run's directory or the bag in it")
     if options.without not in ('', 'controller'):
         raise PlayerError(f"without: '{options.without}' is not allowed: controller, or empty")
+    if options.timing not in ('even', 'recorded'):
+        raise PlayerError(f"timing: '{options.timing}' is not allowed: even, or recorded")
     if options.without and options.loop:
         raise PlayerError('loop: true is not allowed with without: a controller runs once')
     if options.set and not options.scenario:

@@ -21,7 +21,7 @@ controller: each tick is published when the torque of the previous one has arriv
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 import sys
 import threading
@@ -33,8 +33,10 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters.spec import check
+from flexarm_ros.core.run.real_time import spread
 from flexarm_ros.nodes.player.options import declare, PlayerError, PlayerOptions
 from flexarm_ros.nodes.player.pace import Pace
+from flexarm_ros.nodes.player.recorded_times import RecordedTimes
 from flexarm_ros.nodes.player.replay_peer import ControllerSeat
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.parameters.own import OWN
@@ -43,6 +45,7 @@ from flexarm_ros.nodes.runtime.process.shutdown_watchdog import shutdown_limit
 from flexarm_ros.nodes.runtime.topics.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
 from flexarm_ros.wire.topics import CLOCK, COMMAND
+import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.duration import Duration
@@ -73,6 +76,9 @@ class PlayerNode(Node):
             self.options.namespace or None, self.get_namespace(),
         )  # fmt: skip
         self.timeline = self.reader.timeline
+        recorded = self.options.timing == 'recorded'
+        self._times = RecordedTimes(self.reader) if recorded else None
+        self._wall: float | None = None
         self._first = self._first_tick()
         self._last = self._last_tick()
         self._pace = Pace(self.options.rate, self.options.paused, self.stopped)
@@ -194,12 +200,17 @@ class PlayerNode(Node):
         try:
             seat.wait_for_controller()
             self._play_once(seat)
+            if self._times is not None:
+                seat.hear_last()
         except (RunFailed, BagError) as error:
             seat.leave(self.played, str(error))
             raise
         seat.leave(self.played, 'stopped' if self.stopped() else '')
         if self.played:
             self.get_logger().info(seat.comparison())
+            if self._times is not None:
+                now, then = _latency(seat.latencies), _latency(self._times.latencies)
+                self.get_logger().info(f'command latency p50/p99/max {now}, recorded {then}')
 
     def flush(self) -> None:
         """Wait until all readers have all messages, at most two seconds."""
@@ -207,26 +218,50 @@ class PlayerNode(Node):
             publisher.wait_for_all_acked(Duration(seconds=2.0))
 
     def _play_once(self, seat: ControllerSeat | None) -> None:
+        self._wall = None
         own = self.reader.own  # a bag of another recorder may begin late and lack clocks
         previous = self._first - 1 if own else None
         for tick, messages in self._from_start():
             previous = tick - 1 if previous is None else previous
             if not own and self.reader.topics[CLOCK].due(tick):
                 messages[CLOCK] = messages[CLOCK] or self._clock_message(tick)
-            self._pace.wait((tick - previous) * self.timeline.period_ns * 1e-9)
-            if self.stopped():
+            if not self._publish(tick, tick - previous, messages, seat):
                 return
-            for index, data in enumerate(messages):
-                if data is not None and index in self._outlets:
-                    self._outlets[index].publish(data)
-            if seat is not None:
-                seat.answer(tick, messages[COMMAND])
             previous = tick
             self.played += 1
             if self.played % _UNACKED == 0:
                 self.flush()
         if self.reader.damage is not None:
             raise self.reader.damage
+
+    def _publish(
+        self, tick: int, after: int, messages: Sequence[bytes | None], seat: ControllerSeat | None
+    ) -> bool:
+        """Publish a tick, ``after`` so many others, when it is due; False if stopped before."""
+        begin, arrival = (None, None) if self._times is None else self._times.of(messages)
+        self._wait(begin, after * self.timeline.period_ns * 1e-9)
+        if self.stopped():
+            return False
+        timed = self._times is not None
+        if seat is not None and timed:
+            seat.begin(tick)
+        for index, data in enumerate(messages):
+            if data is not None and index in self._outlets and not (timed and index == COMMAND):
+                self._outlets[index].publish(data)
+        if seat is not None:
+            seat.hear(messages[COMMAND]) if timed else seat.answer(tick, messages[COMMAND])
+        elif arrival is not None and COMMAND in self._outlets:
+            if not self._pace.paused:
+                self._wait(arrival, 0.0)
+            self._outlets[COMMAND].publish(messages[COMMAND])
+        return not self.stopped()
+
+    def _wait(self, wall: float | None, seconds: float) -> None:
+        """Wait until the recorded time ``wall``, s, or ``seconds`` where there is none."""
+        if wall is not None:
+            seconds = 0.0 if self._wall is None else max(0.0, wall - self._wall)
+            self._wall = wall if self._wall is None else max(wall, self._wall)
+        self._pace.wait(seconds)
 
     def _clock_message(self, tick: int) -> bytes:
         return self.reader.topics[CLOCK].codec.encode(self.timeline.stamp_ns(tick))
@@ -242,6 +277,12 @@ class PlayerNode(Node):
         deadline = time.monotonic() + self.options.delay
         while not self.stopped() and (left := deadline - time.monotonic()) > 0.0:
             time.sleep(min(left, 0.05))
+
+
+def _latency(seconds: Sequence[float]) -> str:
+    found = spread(np.array(seconds))
+    numbers = ['-' if value is None else f'{value:.3g}' for value in found.values()]
+    return f'{"/".join(numbers)} ms'
 
 
 def _answer(response: Any, text: str, success: bool = True) -> Any:

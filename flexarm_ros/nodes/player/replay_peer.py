@@ -22,6 +22,7 @@ import time
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import roles
 from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.realtime.command import arrival
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import publisher_fault, subscriber_faults
 from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections
@@ -65,6 +66,10 @@ class ControllerSeat:
             board.publish(parameters=dump_sections(config, role), phase=Phase.READY)
         self._largest = 0.0
         self._equal = self._answered = 0
+        self._begun: dict[int, float] = {}
+        self._held: dict[int, bytes] = {}
+        self.latencies: list[float] = []
+        """Time from a tick's publication to the arrival of its torque, s; without a barrier."""
 
     def wait_for_controller(self) -> None:
         """Wait for a controller to connect or the player to stop; RunFailed after a minute."""
@@ -121,7 +126,7 @@ class ControllerSeat:
                     'controller', f'tick {tick}: {self._topic.name}: {error}'
                 ) from None
             if came == stamp:
-                self._compare(torque, recorded)
+                self._compare(torque, recorded, stamp)
                 return
             other = f'; one with stamp {came} ns came, due is {stamp} ns'
         if not self._stopped():
@@ -129,11 +134,47 @@ class ControllerSeat:
                 'controller', f'tick {tick}: no joint_command within {self._limit:g} s{other}'
             )
 
-    def _compare(self, torque: tuple[float, ...], recorded: bytes | None) -> None:
+    # --- by the wall clock, without a barrier ------------------------------------------
+
+    def begin(self, tick: int) -> None:
+        """Note that ``tick`` is published now."""
+        self._begun[self._timeline.stamp_ns(tick)] = time.monotonic()
+
+    def hear(self, recorded: bytes | None = None) -> None:
+        """Take the torques that have come; ``recorded``: what was held over the last tick."""
+        if recorded is not None:
+            self._held[self._topic.codec.decode_any(recorded)[0]] = recorded
+        while (taken := self._subscription.handle.take_message(self._kind, True)) is not None:
+            now = time.monotonic()
+            try:
+                stamp, torque = self._topic.codec.decode_any(taken[0])
+            except ValueError as error:
+                raise RunFailed('controller', f'{self._topic.name}: {error}') from None
+            begun = self._begun.get(stamp)
+            if begun is not None:
+                self.latencies.append(arrival(taken[1], now) - begun)
+                self._compare(torque, self._held.get(stamp))
+
+    def hear_last(self) -> None:
+        """Wait until the last tick is answered, at most the time that an answer may take."""
+        deadline, last = time.monotonic() + self._limit, len(self._begun)
+        while len(self.latencies) < last and time.monotonic() < deadline and not self._stopped():
+            before = len(self.latencies)
+            self._waiter.wait([self._subscription.handle], int(0.1 * 1e9))
+            self.hear()
+            if before and len(self.latencies) == before:
+                return  # it does not answer every tick, and has nothing more to say
+
+    def _compare(
+        self, torque: tuple[float, ...], recorded: bytes | None, stamp: int | None = None
+    ) -> None:
+        """Compare a torque with the recorded one; not with one that answers another ``stamp``."""
         self._answered += 1
         if recorded is None:
             return
-        _, before = self._topic.codec.decode_any(recorded)
+        answers, before = self._topic.codec.decode_any(recorded)
+        if stamp is not None and answers != stamp:
+            return  # of a free-running run: held over this tick, from an earlier one
         self._equal += torque == before
         self._largest = max(
             self._largest, *(abs(a - b) for a, b in zip(torque, before, strict=True))

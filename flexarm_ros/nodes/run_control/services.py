@@ -40,6 +40,9 @@ from std_srvs.srv import SetBool, Trigger
 WAIT_S = 60.0
 """Longest wall time of a service call."""
 
+_HELD, _NOTABLE_S = 0.99, 0.05
+"""A requested speed counts as held from this share on, or if the run is less late than this."""
+
 
 class RunControl:
     """Requests of the services to the plant; `may_begin` is called before each tick."""
@@ -99,6 +102,21 @@ class RunControl:
     def pace_s(self) -> float:
         """Return the wall time per tick at the requested speed, 0 without a limit."""
         return self.period_s() / self.rtf if self.rtf > 0.0 else 0.0
+
+    def shortfall(self, tick: int) -> str:
+        """Return what was reached up to ``tick`` if that is less than requested; else nothing."""
+        start, first = self._anchor
+        wall = time.monotonic() - start
+        if self.paused or self.rtf <= 0.0 or tick <= first:
+            return ''
+        reached = (tick - first) * self.period_s() / wall
+        late = wall - (tick - first) * self.pace_s()
+        if reached >= _HELD * self.rtf or late < _NOTABLE_S:
+            return ''
+        return (
+            f'{self.rtf:g} times real time could not be held: {reached:.3g} reached, '
+            f'{late:.3g} s behind at tick {tick}'
+        )
 
     def max_sleep_s(self, tick: int, now: float, longest: float) -> float:
         """Return how long the plant may sleep before the next check."""

@@ -65,6 +65,7 @@ class Diagnostics:
         values = {**self._progress(), 'rejected messages': str(me.invalid)}
         phase, waits = me.board.mine.phase, me.missing
         values['missing'] = waits
+        values.update(me.further_diagnostics())
         if me.ROLE == 'plant':
             values.update(self._participants())
         level = DiagnosticStatus.ERROR if phase in _BAD or me.failed_run else DiagnosticStatus.OK

@@ -143,6 +143,10 @@ class Member:
     def retune(self, config: RunConfig) -> None:
         """Take the live parameters of ``config``."""
 
+    def further_diagnostics(self) -> dict[str, str]:
+        """Return what this node reports on itself in addition to what every node does."""
+        return {}
+
     # --- of the node ---------------------------------------------------------------------
 
     def make_endpoints(self) -> None:

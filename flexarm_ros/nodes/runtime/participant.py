@@ -34,7 +34,7 @@ from flexarm_ros.nodes.runtime.reset import Epochs
 from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from flexarm_ros.nodes.runtime.topics.graph import reads
 from flexarm_ros.nodes.runtime.waiting import Waiting
-from flexarm_ros.wire.topics import per_tick_topics
+from flexarm_ros.wire.topics import per_tick_topics, Topic
 
 
 class Participant(MemberNode):
@@ -75,7 +75,11 @@ class Participant(MemberNode):
             if topic.node == self.ROLE and topic.name not in self.outputs:
                 self.outputs[topic.name] = Output(self, topic)
             elif reads(self.ROLE, topic, self.config) and topic.name not in self.inputs:
-                self.inputs[topic.name] = Input(self, topic, self.invalid_message)
+                self.inputs[topic.name] = self.make_input(topic)
+
+    def make_input(self, topic: Topic) -> Input:
+        """Return the reading end of a topic."""
+        return Input(self, topic, self.invalid_message)
 
     # --- for roles ---------------------------------------------------------------------
 

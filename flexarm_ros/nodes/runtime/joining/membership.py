@@ -22,7 +22,8 @@ import time
 from typing import Any, NoReturn
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import part_of, readers, roles
+from flexarm_ros.core.run.parts import ControllerPart, part_of, readers, RecorderPart, roles
+from flexarm_ros.core.run.real_time import outlives_controller
 from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import (
     connects,
@@ -358,7 +359,7 @@ class Membership:
         outputs = (
             o.topic.name
             for o in self._me.outputs.values()
-            if not self.heard(o.topic.name, o.publisher)
+            if not self.heard(o.topic.name, o.publisher, not o.topic.recorded_from)
         )
         late = next(chain(inputs, outputs), None)
         self._wait(f'{late} is not connected' if late else '')
@@ -423,9 +424,14 @@ class Membership:
         entry.bind(mine[0], self._board.sender_info, rising)
         return True
 
-    def heard(self, topic: str, publisher: Publisher) -> bool:
-        """Whether the readers are present, and all of them that can be are connected."""
+    def heard(self, topic: str, publisher: Publisher, recorded: bool = True) -> bool:
+        """
+        Whether the readers are present, and all of them that can be are connected.
+
+        ``recorded``: the recorder reads this topic itself.
+        """
         roles = [r for r in readers(topic, self.config) if r in self.required()]
+        roles = [r for r in roles if recorded or r != RecorderPart.NAME]
         endpoints = self._me.get_subscriptions_info_by_topic(publisher.topic_name)
         for role in roles:
             if role in self.external:
@@ -467,6 +473,8 @@ class Membership:
         """Raise RunFailed if a peer has failed."""
         for role in self.required():
             status = self.status_of(role)
+            if role == ControllerPart.NAME and outlives_controller(self.config):
+                continue
             if status is not None and status.phase in (Phase.FAILED, Phase.REFUSED):
                 raise RunFailed(status.blame or role, status.text, reported_by=role)
 

@@ -94,6 +94,10 @@ OWN = {
             '', '`controller`: an external controller computes the torque, in lock-step; empty: '
             'the recorded torque is published'
         ),
+        'timing': Own(
+            'even', 'even: ticks at equal intervals; recorded: ticks and torques at the wall '
+            'times of a free-running run'
+        ),
         'delay': Own(
             1.0, 'wall time to wait for subscribers before the first message', 's', low=0.0,
             high=FASTEST,

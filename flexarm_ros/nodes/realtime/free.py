@@ -1,0 +1,110 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The plant's side of a free-running run (``sync: free``): ticks by the wall clock.
+
+Tick k is due at a time that follows from the first tick and the speed alone, so that no delay
+adds up; ticks after a late one are caught up with.  At the end of tick k the newest command that
+has arrived is held over it: with all commands in time the run is that of lock-step, bit for bit.
+"""
+
+from __future__ import annotations
+
+from flexarm_ros.core.parameters.sections import PlantParameters
+from flexarm_ros.core.run.real_time import LiveTiming, NO_COMMAND
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.nodes.realtime.command import CommandInput
+from flexarm_ros.nodes.run_control.services import RunControl
+from flexarm_ros.nodes.runtime.errors import RunFailed
+from flexarm_ros.nodes.runtime.topics.channels import Output
+
+RECORDER_WINDOW = 768
+"""Ticks that the plant may be ahead of the recorder, below the topics' depth.
+
+More than in lock-step, where it keeps the loss at a crash small: here a wait is a late tick.
+"""
+
+_NONE = (0.0, 0.0)
+
+
+class FreeRun:
+    """What a plant counts and tells of its ticks in a free-running run."""
+
+    def __init__(
+        self, parameters: PlantParameters, timeline: Timeline, control: RunControl,
+        command: CommandInput, applied: Output, times: Output,
+    ) -> None:  # fmt: skip
+        self._control, self._timeline = control, timeline
+        self._command, self._applied, self._times = command, applied, times
+        self._hold = round(1e9 * parameters.command_hold) // timeline.period_ns
+        self._zero_after_loss = parameters.command_loss == 'zero'
+        self.live = LiveTiming()
+        self._zero: float | None = None
+        self._begin = self._due = 0.0
+        self._without, self._new = 0, False
+        self.lost: str = ''
+        """What is missing, while the torque is zero for want of a command."""
+
+    def begin(self, tick: int, now: float) -> None:
+        """Take the wall time at which ``tick`` begins."""
+        control = self._control
+        paced = control.rtf > 0.0 and not control.paused
+        self._begin, self._due = now, min(now, control.due(tick)) if paced else now
+        if self._zero is None:
+            self._zero = self._due
+        self.live.begun(tick, now, self._due, control.pace_s() or control.period_s())
+
+    def poll(self, tick: int) -> None:
+        """Take the commands that have arrived during ``tick``, which goes on."""
+        if self._command.poll(tick):
+            self._new = True
+            self.live.answered(self._command.tick, self._command.at)
+
+    def end(self, tick: int) -> tuple[float, float]:
+        """
+        Return the torque that is held over ``tick``, which ends now.
+
+        Raises `RunFailed` where commands have been missing for too long.
+        """
+        command = self._command
+        self.poll(tick)
+        self.live.ended(tick, command.tick, self._new)
+        self._without = 0 if self._new else self._without + 1
+        if self._new:
+            self.lost = ''
+        self._new = False
+        if self._without > self._hold:
+            self._lose(tick)
+        return (command.values[0], command.values[1]) if self._known else _NONE
+
+    @property
+    def _known(self) -> bool:
+        return bool(self._command.values) and not self.lost
+
+    def _lose(self, tick: int) -> None:
+        hold = self._hold * self._timeline.period_ns * 1e-9
+        owed = f'no torque on {self._command.topic.name} for {hold:g} s'
+        if not self._zero_after_loss:
+            raise RunFailed(self._command.source, f'tick {tick}: {owed}')
+        self.lost = self.lost or f'{self._command.source}: tick {tick}: {owed}: zero torque'
+
+    def tell(self, tick: int, torque: tuple[float, float]) -> None:
+        """Publish what was held over ``tick``, and its times, for the record."""
+        command, timeline, zero = self._command, self._timeline, self._zero or 0.0
+        known = self._known
+        stamp = timeline.stamp_ns(command.tick) if known else 0
+        at = command.at - zero if known else NO_COMMAND
+        self._applied.send(stamp, *torque)
+        self._times.send(timeline.stamp_ns(tick), self._begin - zero, self._due - zero, at)
