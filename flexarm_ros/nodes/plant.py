@@ -185,7 +185,7 @@ class PlantNode(Participant):
             self._send()
             self._sent = True
         else:
-            torque = free.end(self.tick)
+            torque = free.end(self.tick, now)
             last = self._following == self.timeline.ticks
             trouble = '' if last else self._step(torque)
             if trouble or last:
@@ -338,7 +338,7 @@ class PlantNode(Participant):
         if self.supervisor.gone or self.board.mine.phase is not Phase.RUNNING:
             super().interrupt()
         elif self._sent and self._free is not None:
-            self._free.tell(self.tick, self._free.end(self.tick))
+            self._free.tell(self.tick, self._free.end(self.tick, time.monotonic()))
             self.end_at(self.tick, 'interrupted')
         elif self._sent and self.interrupted < 2:
             if not self._command.fetch(self.tick):

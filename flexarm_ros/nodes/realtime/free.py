@@ -48,12 +48,12 @@ class FreeRun:
     ) -> None:  # fmt: skip
         self._control, self._timeline = control, timeline
         self._command, self._applied, self._times = command, applied, times
-        self._hold = round(1e9 * parameters.command_hold) // timeline.period_ns
+        self._hold = parameters.command_hold
         self._zero_after_loss = parameters.command_loss == 'zero'
         self.live = LiveTiming()
         self._zero: float | None = None
         self._begin = self._due = 0.0
-        self._without, self._new = 0, False
+        self._without, self._new = 0.0, False
         self.lost: str = ''
         """What is missing, while the torque is zero for want of a command."""
 
@@ -72,16 +72,16 @@ class FreeRun:
             self._new = True
             self.live.answered(self._command.tick, self._command.at)
 
-    def end(self, tick: int) -> tuple[float, float]:
+    def end(self, tick: int, now: float) -> tuple[float, float]:
         """
-        Return the torque that is held over ``tick``, which ends now.
+        Return the torque that is held over ``tick``, which ends ``now``.
 
         Raises `RunFailed` where commands have been missing for too long.
         """
         command = self._command
         self.poll(tick)
         self.live.ended(tick, command.tick, self._new)
-        self._without = 0 if self._new else self._without + 1
+        self._without = 0.0 if self._new else self._without + self._lasted(now)
         if self._new:
             self.lost = ''
         self._new = False
@@ -89,13 +89,23 @@ class FreeRun:
             self._lose(tick)
         return (command.values[0], command.values[1]) if self._known else _NONE
 
+    def _lasted(self, now: float) -> float:
+        """
+        Return the time that a controller had for this tick, in simulated seconds.
+
+        None to speak of for a tick that is caught up with: this process stood still, not the
+        controller.
+        """
+        period = self._control.period_s()
+        pace = self._control.pace_s() or period
+        return min(now - self._begin, pace) * period / pace
+
     @property
     def _known(self) -> bool:
         return bool(self._command.values) and not self.lost
 
     def _lose(self, tick: int) -> None:
-        hold = self._hold * self._timeline.period_ns * 1e-9
-        owed = f'no torque on {self._command.topic.name} for {hold:g} s'
+        owed = f'no torque on {self._command.topic.name} for {self._hold:g} s'
         if not self._zero_after_loss:
             raise RunFailed(self._command.source, f'tick {tick}: {owed}')
         self.lost = self.lost or f'{self._command.source}: tick {tick}: {owed}: zero torque'
