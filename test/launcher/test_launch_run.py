@@ -24,11 +24,14 @@ import signal
 import subprocess
 import sys
 
+from flexarm_ros import scenario
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.options.progress import Progress
 from flexarm_ros.cli.runs.launched import ARGUMENTS, LaunchedRun, read_rtf, split_overrides
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import roles
 from flexarm_ros.launcher.reports import RunWatch
+from flexarm_ros.launcher.run import Reported
 from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, REPORT_FD, Supervisor
 from flexarm_ros.scenario import ScenarioError
 from nodetools import finish, wait_for
@@ -179,6 +182,29 @@ def test_a_node_without_a_launcher_reports_to_nobody(monkeypatch: pytest.MonkeyP
     assert not node.gone
 
 
+def test_what_the_plant_has_to_say_is_passed_on_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    watch = RunWatch(tmp_path)
+    for name, value in watch.environment_by_path.items():
+        monkeypatch.setenv(name, value)
+    progress = Progress(scenario.load('pd_tip'), 'pd_tip')
+    passed_on = Reported(progress.update, progress.say, progress.timing)
+    node = Supervisor()
+    node.report('plant', remark='real time: SCHED_FIFO 10')
+    node.report('plant', timing='3 late ticks')
+    monkeypatch.setattr('flexarm_ros.cli.options.progress._LINE_EVERY_S', 0.0)
+    for ticks in (1, 400):
+        node.report('recorder', tick=ticks)
+        watch.take_reports()
+        passed_on(watch, 16000)
+    said = capsys.readouterr().err
+    assert said.count('real time: SCHED_FIFO 10') == 1
+    (line,) = (line for line in said.splitlines() if '0.40 of 16 s simulated' in line)
+    assert ', 3 late ticks' in line
+    watch.close()
+
+
 def test_a_death_is_the_first_thing_to_blame(tmp_path: Path) -> None:
     watch = RunWatch(tmp_path)
     assert not watch.failing
@@ -188,6 +214,29 @@ def test_a_death_is_the_first_thing_to_blame(tmp_path: Path) -> None:
     watch.breaking_off()
     watch.ended('plant', 1)
     assert watch.blame() == 'encoder: start: ended, killed by SIGKILL'
+    watch.close()
+
+
+@pytest.mark.parametrize('text', ['failed', 'died'])
+def test_a_node_that_the_run_can_do_without(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch = RunWatch(tmp_path)
+    watch.dispensable = frozenset({'controller'})
+    for name, value in watch.environment_by_path.items():
+        monkeypatch.setenv(name, value)
+    node = Supervisor()
+    node.report('plant', phase='running')
+    if text == 'failed':
+        node.report('controller', phase='failed', blame='', text='it cannot')
+        watch.take_reports()
+    else:
+        watch.ended('controller', -9)
+    assert not watch.failing and not watch.blame()
+    (said,) = watch.report.remarks
+    assert said.startswith('controller: ') and said.endswith('; the run goes on')
+    watch.ended('encoder', -9)
+    assert watch.failing
     watch.close()
 
 
