@@ -48,6 +48,8 @@ class Chain:
     hub: tuple[float, float] = (0.0, 0.0)
     end_mass: tuple[float, float] = (0.0, 0.0)
     end_inertia: tuple[float, float] = (0.0, 0.0)
+    rigid_start: tuple[float, float] = (0.0, 0.0)
+    rigid_end: tuple[float, float] = (0.0, 0.0)
 
 
 def clamped_roots(count: int) -> list[float]:
@@ -105,6 +107,8 @@ def assembled(chain: Chain, theta2: float, shoulder: bool, elbow: bool, omega: f
     second[0, 1], second[1, 3], second[2, 4], second[3, 5] = cosine, 1.0, 1.0, 1.0
     for link, rows in enumerate((first, second)):
         part = beam(chain.length[link], chain.density[link], chain.rigidity[link], omega)
+        rows[0] += chain.rigid_start[link] * rows[1]
+        rows[2] -= chain.rigid_end[link] * rows[3]
         total += rows.T @ part @ rows
     square = omega**2
     carried = chain.density[1] * chain.length[1] + chain.end_mass[1]

@@ -69,7 +69,7 @@ class Case:
 def fly(plant: PlantParameters, case: Case, every: int = 10, period: float = 1e-3) -> Array:
     """Return rows ``(t, *COLUMNS)``, one every ``every`` ticks; torques held at mid-tick."""
     arm = start(plant, case.angles, case.rates, period)
-    tip = make_point(plant, sum(plant.length), True)
+    tip = make_point(plant, sum(plant.spans), True)
     rows = []
     for tick in range(round(case.duration / period) + 1):
         if tick % every == 0:

@@ -57,12 +57,12 @@ def row(task: tuple[str, float]) -> dict[str, Any]:
     config = scenario.load(f'{law}_smooth', HOLD)
     sensor = sensor_of(config)
     corner = make_path(config).at(round(SQUARE_S * NS_PER_S))[:2]
-    theta2 = inverse_kinematics(config.plant.length, *corner)[1]
+    theta2 = inverse_kinematics(config.plant.spans, *corner)[1]
     loop = SampledLoop(config, theta2, time=SETTLED_S)
     first = loop.eigenvalues(1.0, round(ms * 1e6))[0]
     flown = scenario.load(f'{law}_smooth', (*HOLD, NOISE, f'{sensor}.latency={ms / 1e3!r}'))
     flight, residual = ClosedLoop(flown), 0.0
-    tip = make_point(flown.plant, sum(flown.plant.length), True)
+    tip = make_point(flown.plant, sum(flown.plant.spans), True)
     while (record := flight.tick()) is not None:
         if record.k * loop.period >= SQUARE_S + HOLD_S - LAST_S:
             x, y, _, _ = elastic_point(record.q, record.qd, tip.shapes, tip.shortening)

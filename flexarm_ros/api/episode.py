@@ -105,7 +105,7 @@ class Episode:
         points = np.nan_to_num(np.array(line.at(self._plant.q, self._plant.qd)))
         target = np.array(self._reference.at(self.tick)[:2])
         title = f't = {self.tick * self._period:.3f} s'
-        return frame(points, line.elbow, target, sum(self._config.plant.length), title)
+        return frame(points, line.elbow, target, sum(self._config.plant.spans), title)
 
     def _measure(self) -> None:
         """Sample the sensors, exactly once per tick."""
@@ -116,6 +116,6 @@ class Episode:
     def _error(self) -> float:
         """Return the distance of the rigid end effector from the undelayed reference, m."""
         th1, th2 = self._plant.q[0], self._plant.q[1]
-        x, y, _, _ = rigid_point(*self._config.plant.length, th1, th2, 0.0, 0.0)
+        x, y, _, _ = rigid_point(*self._config.plant.spans, th1, th2, 0.0, 0.0)
         target = self._reference.at(self.tick)
         return float(np.hypot(x - target[0], y - target[1]))

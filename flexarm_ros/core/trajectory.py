@@ -174,7 +174,7 @@ def _hold_position(config: RunConfig) -> tuple[float, float]:
         return config.trajectory.hold_position
     if config.plant.initial_position is None:
         return -0.5 * config.trajectory.side, -0.5 * config.trajectory.side
-    x, y, _, _ = rigid_point(*config.plant.length, *config.plant.initial_position, 0.0, 0.0)
+    x, y, _, _ = rigid_point(*config.plant.spans, *config.plant.initial_position, 0.0, 0.0)
     return x, y
 
 
@@ -253,7 +253,7 @@ def initial_angles(config: RunConfig) -> tuple[float, float]:
         return config.plant.initial_position
     x, y = make_path(config).at(0)[:2]
     try:
-        return inverse_kinematics(config.plant.length, x, y)
+        return inverse_kinematics(config.plant.spans, x, y)
     except ValueError as error:
         raise ValueError(f'{_key(config)}: start out of reach, {error}') from None
 
@@ -264,7 +264,7 @@ def check_reachable(config: RunConfig) -> None:
 
     The complete path counts, even if the run ends before.
     """
-    low, high = reach(config.plant.length)
+    low, high = reach(config.plant.spans)
     slack = REACH_TOLERANCE * high
     for side in make_path(config).sides:
         for x, y in ((side.x, side.y), (side.x + side.dx, side.y + side.dy)):

@@ -218,7 +218,7 @@ def poses_along(config: RunConfig, count: int = 7) -> list[Pose]:
     times = sorted({end * i // 400 for i in range(401)} | set(_corners(path.sides, end)))
     poses = []
     for time in times:
-        theta1, theta2 = inverse_kinematics(config.plant.length, *path.at(time)[:2])
+        theta1, theta2 = inverse_kinematics(config.plant.spans, *path.at(time)[:2])
         poses.append(Pose(time / NS_PER_S, theta1, theta2))
     bends = np.array([pose.theta2 for pose in poses])
     wanted = np.linspace(bends.min(), bends.max(), count)

@@ -91,7 +91,7 @@ def passive_form(config: RunConfig, arm: LinearArm, _time: float | None) -> Line
     """
     _check_rate(config)
     control, at = config.controller, _encoder(arm)
-    first = config.plant.length[0]
+    first = config.plant.spans[0]
     along = (first, max(config.tip_sensor.location - first, 0.0))
     j11, j12, j21, j22 = jacobian(along, arm.theta1, arm.theta2, sum(along))
     now = np.zeros((2, at + 8))
@@ -118,7 +118,7 @@ def _lead(config: RunConfig, arm: LinearArm) -> FloatArray:
     pose, columns = np.array([arm.theta1, arm.theta2]), []
     for unit in np.eye(2):
         target = np.zeros(2)
-        lead(pose, config.plant.length, unit, target)
+        lead(pose, config.plant.spans, unit, target)
         columns.append(target - pose)
     return np.asarray(np.array(columns).T)
 
@@ -158,7 +158,7 @@ def lqg_form(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw
     a[size:][:2], b[size:][:2] = sensed @ a[:n], sensed @ b[:n]
     a[size:z][2:], b[size:z][2:] = state[size:z][:-2], given[size:z][:-2]
     a[-4:-2], b[-4:-2] = c, d
-    tip = period * believed.point(sum(config.plant.length))
+    tip = period * believed.point(sum(config.plant.spans))
     a[-2:], b[-2:] = tip @ state[:n], tip @ given[:n]
     a[-2:, -2:] += np.eye(2)
     return LinearLaw(a, b, c, d)

@@ -105,11 +105,18 @@ class ReportedRun:
 
     @property
     def lengths(self) -> tuple[float, float]:
-        """Return the links' lengths, m; the paper's if the scenario has none."""
-        value = self.value('plant', 'length')
+        """Return the links' lengths with rigid parts, m; the paper's if the scenario has none."""
+        first, second = self._pair('length') or (4.5, 4.5)
+        for key in ('hub_radius', 'end_offset'):
+            more = self._pair(key) or (0.0, 0.0)
+            first, second = first + more[0], second + more[1]
+        return first, second
+
+    def _pair(self, key: str) -> tuple[float, float] | None:
+        value = self.value('plant', key)
         known = [number(item) for item in value] if isinstance(value, (list, tuple)) else []
         first, second = known if len(known) == 2 else (None, None)
-        return (4.5, 4.5) if first is None or second is None else (first, second)
+        return None if first is None or second is None else (first, second)
 
     @property
     def stable(self) -> bool | None:

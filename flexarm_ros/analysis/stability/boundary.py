@@ -138,7 +138,7 @@ def holding(config: RunConfig, pose: Pose, duration: float, kick: float = 0.01) 
 
     As in the linear analysis, the pose is at rest and the links are straight.
     """
-    x, y, _, _ = rigid_point(*config.plant.length, pose.theta1, pose.theta2, 0.0, 0.0)
+    x, y, _, _ = rigid_point(*config.plant.spans, pose.theta1, pose.theta2, 0.0, 0.0)
     return replace(
         config,
         run=replace(config.run, duration=duration),

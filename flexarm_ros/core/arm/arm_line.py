@@ -30,7 +30,7 @@ class ArmLine:
     """
 
     def __init__(self, plant: PlantParameters, per_link: int = 12) -> None:
-        first, second = plant.length
+        first, second = plant.spans
         steps = np.arange(1, per_link + 1) / per_link
         # The last point of each link is exactly the elbow or tip of `trajectory.csv`.
         along = [*(first * steps[:-1]), first, *(first + second * steps[:-1]), first + second]

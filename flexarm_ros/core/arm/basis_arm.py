@@ -72,15 +72,24 @@ class Arm(NamedTuple):
     hub_inertia: tuple[float, float]
     end_mass: tuple[float, float]
     end_inertia: tuple[float, float]
+    hub_radius: tuple[float, float] = (0.0, 0.0)
+    end_offset: tuple[float, float] = (0.0, 0.0)
 
 
 def arm_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
     """Return the bases of link 1 and link 2, ``plant.modes`` functions each."""
-    pairs = (plant.length, plant.mass_density, plant.flexural_rigidity, plant.hub_inertia)
-    length, density, rigidity, hub = ((float(p[0]), float(p[1])) for p in pairs)
+    length, density, rigidity, hub, radius, offset = (
+        (float(pair[0]), float(pair[1]))
+        for pair in (
+            plant.length, plant.mass_density, plant.flexural_rigidity, plant.hub_inertia,
+            plant.hub_radius, plant.end_offset,
+        )
+    )  # fmt: skip
     masses = (plant.link_end_mass, plant.payload_mass)
     inertias = (plant.link_end_inertia, plant.payload_inertia)
-    return _bases(Arm(plant.modes, length, density, rigidity, hub, masses, inertias))
+    return _bases(
+        Arm(plant.modes, length, density, rigidity, hub, masses, inertias, radius, offset)
+    )
 
 
 @lru_cache(maxsize=64)
@@ -210,7 +219,8 @@ def straight_mass(arm: Arm, theta2: float) -> FloatArray:
     turns[0, 0] = turns[1, 0] = turns[1, 1] = 1.0
     turns[1, first] = integral.end_slope / arm.length[0]
     start = np.zeros(size)
-    start[0], start[first] = arm.length[0], integral.end
+    start[0] = arm.hub_radius[0] + arm.length[0] + arm.end_offset[0]
+    start[first] = integral.end + arm.end_offset[0] * turns[1, first]
     sine, cosine = sincos(theta2)
     mass = np.zeros((size, size))
     mass[0, 0], mass[1, 1] = arm.hub_inertia
@@ -219,9 +229,11 @@ def straight_mass(arm: Arm, theta2: float) -> FloatArray:
         across = start * cosine if link else 0.0 * start
         length, total = arm.length[link], arm.mass_density[link] * arm.length[link]
         shape, slope = np.zeros(size), turns[link].copy()
+        slope[part] += integral.end_slope / length
+        across = across + arm.hub_radius[link] * turns[link]
         tip = across + length * turns[link]
         tip[part] += integral.end
-        slope[part] += integral.end_slope / length
+        tip += arm.end_offset[link] * slope
         mass += total * (_square(along) + _square(across))
         mass += total * (length * length / 3.0) * _square(turns[link])
         mass += 0.5 * total * length * _cross(across, turns[link])

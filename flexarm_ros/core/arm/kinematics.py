@@ -153,9 +153,9 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
     functions of ``plant.model`` (and the foreshortening of ``full``).
     """
     if not elastic:
-        return RigidPointKinematics(plant.length, location)
-    count = plant.modes
-    along = (min(location, plant.length[0]), max(location - plant.length[0], 0.0))
+        return RigidPointKinematics(plant.spans, location)
+    count, first = plant.modes, plant.spans[0]
+    along = (min(location, first), max(location - first, 0.0))
     shapes = np.zeros((3, count + 1))
     shapes[0, count], shapes[2, count] = along
     if plant.model == 'full':
@@ -165,15 +165,15 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
         shapes[2, :count], _, short2 = link_shapes(plant, 1, along[1])
         shortening = np.ascontiguousarray(np.stack([short1, short2]))
     else:
-        links = [
-            ClampedFreeModes(length, density, rigidity, count)
-            for length, density, rigidity in zip(
-                plant.length, plant.mass_density, plant.flexural_rigidity, strict=True
+        for link in (0, 1):
+            modes = ClampedFreeModes(
+                plant.length[link], plant.mass_density[link], plant.flexural_rigidity[link], count
             )
-        ]
-        shapes[0, :count] = links[0].shape(along[0])
-        shapes[1, :count] = links[0].slope(along[0])
-        shapes[2, :count] = links[1].shape(along[1])
+            bent, beyond = plant.flexible_part(link, along[link])
+            slope = modes.slope(bent)
+            shapes[2 * link, :count] = modes.shape(bent) + beyond * slope
+            if link == 0:
+                shapes[1, :count] = slope
         shortening = np.zeros((2, 0, 0))
     return PointKinematics(shapes, shortening)
 

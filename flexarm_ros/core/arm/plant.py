@@ -77,6 +77,17 @@ def deflection_limits(plant: PlantParameters) -> tuple[float, float]:
     return 10.0 * length1 / 9.0, 10.0 * length2 / 9.0  # 5 exactly for 4.5, unlike 10 / 9 * 4.5
 
 
+def material_damping(plant: PlantParameters, link: int) -> float:
+    """
+    Return the Kelvin-Voigt constant of ``link`` (0 or 1), s: damping per stiffness.
+
+    The moment at the root of a link bent by an end force is 3 EI / L times the angle
+    deflection / L; ``plant.link_damping`` is the same for the rate of that angle.
+    """
+    root = 3.0 * plant.flexural_rigidity[link] / plant.length[link]
+    return plant.link_damping[link] / root
+
+
 def choose_substeps(plant: PlantParameters, period: float, highest: float) -> int:
     """
     Return the number of RK4 steps per tick of ``period`` s for a highest rate, 1/s.

@@ -23,11 +23,12 @@ n1, n2 the normals of the links, a material point moves with::
     link 2:  (L1 theta1' + phi1(L1) . q1') n1
              + (xi (theta1' + phi1'(L1) . q1' + theta2') + phi2(xi) . q2') n2
 
-and n1 . n2 = cos theta2, so that the mass matrix is M0 + cos(theta2) M1 with
-all couplings.  The right-hand side holds the torques and the Coriolis and centrifugal
-terms of the rigid arm, on the rows of theta1 and theta2 only, and the modal stiffness (and
-damping) on the others.  Neither energy nor angular momentum is conserved, since (14)
-leaves out the elastic velocity terms.
+where x, xi and L1 count from the joints: phi is 0 on a link's rigid hub part and continues
+along the tangent on its rigid end part.  n1 . n2 = cos theta2, so that the mass matrix is
+M0 + cos(theta2) M1 with all couplings.  The right-hand side holds the torques and the Coriolis
+and centrifugal terms of the rigid arm, on the rows of theta1 and theta2 only, and the modal
+stiffness (and damping) on the others.  Neither energy nor angular momentum is conserved, since
+(14) leaves out the elastic velocity terms.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
-from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
+from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, material_damping
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import sincos
 from flexarm_ros.core.numerics.linalg import largest_rate, solve_symmetric
@@ -50,7 +51,8 @@ class Eq14Matrices:
     The constant matrices of (14) for one arm with N modes per link, n = 2 + 2 N.
 
     ``mass``: ``(2, n, n)``, M = mass[0] + cos(theta2) mass[1], kg m^2, kg m, kg;
-    ``stiffness`` and ``damping``: ``(n,)``, diagonals, zero for the joints;
+    ``stiffness`` and ``damping``: ``(n,)``, diagonals; those of the joints are 0 and the
+    viscous friction;
     ``end_shape``: ``(n,)``, end deflection of each modal coordinate's own link;
     ``coupling``: kg m^2, factor of the rigid Coriolis terms.
     """
@@ -67,14 +69,17 @@ class Eq14Matrices:
         first = slice(2, 2 + count)
         second = slice(2 + count, size)
         elbow, tip1, turn2 = np.zeros(size), np.zeros(size), np.zeros(size)
-        elbow[0], elbow[first] = link1.length, link1.shape(link1.length)
+        bend1, bend2 = link1.shape(link1.length), link2.shape(link2.length)
         tip1[0], tip1[first] = 1.0, link1.slope(link1.length)
+        elbow[0], elbow[first] = plant.spans[0], bend1 + plant.end_offset[0] * tip1[first]
         turn2[0], turn2[1], turn2[first] = 1.0, 1.0, tip1[first]
-        tip2, tip2_slope = link2.length * turn2, turn2.copy()
-        tip2[second] = link2.shape(link2.length)
+        tip2, tip2_slope = plant.spans[1] * turn2, turn2.copy()
         tip2_slope[second] = link2.slope(link2.length)
+        tip2[second] = bend2 + plant.end_offset[1] * tip2_slope[second]
 
-        straight = _link_mass(link1, np.eye(size)[0], first) + _link_mass(link2, turn2, second)
+        hub1, hub2 = plant.hub_radius
+        straight = _link_mass(link1, hub1, np.eye(size)[0], first)
+        straight += _link_mass(link2, hub2, turn2, second)
         mass2 = plant.mass_density[1] * link2.length
         carried = mass2 + plant.payload_mass + plant.link_end_mass
         straight += carried * np.outer(elbow, elbow)
@@ -84,7 +89,7 @@ class Eq14Matrices:
         straight[0, 0] += plant.hub_inertia[0]
         straight[1, 1] += plant.hub_inertia[1]
 
-        moment2 = 0.5 * mass2 * link2.length * turn2 + plant.payload_mass * tip2
+        moment2 = (0.5 * mass2 * link2.length + mass2 * hub2) * turn2 + plant.payload_mass * tip2
         moment2[second] += link2.mean
         bent = np.outer(elbow, moment2) + np.outer(moment2, elbow)
 
@@ -95,10 +100,12 @@ class Eq14Matrices:
             link2.modal_stiffness,
         )
         self.damping = np.zeros(size)
-        for part, link in ((first, link1), (second, link2)):
+        for i, part, link in ((0, first, link1), (1, second, link2)):
             self.damping[part] = 2.0 * plant.damping_ratio * link.modal_mass * link.frequencies
+            self.damping[part] += material_damping(plant, i) * link.modal_stiffness
+        self.damping[:2] = plant.viscous_friction
         self.end_shape = np.zeros(size)
-        self.end_shape[first], self.end_shape[second] = elbow[first], tip2[second]
+        self.end_shape[first], self.end_shape[second] = bend1, bend2
         self.coupling = float(elbow[0] * moment2[1])
 
     def mass_at(self, theta2: float) -> FloatArray:
@@ -119,15 +126,40 @@ class Eq14Matrices:
         )
 
 
-def _link_mass(link: ClampedFreeModes, turn: FloatArray, part: slice) -> FloatArray:
-    """Mass matrix of a link about its own start, which rotates at ``turn`` . qd."""
+def _link_mass(link: ClampedFreeModes, hub: float, turn: FloatArray, part: slice) -> FloatArray:
+    """Mass matrix of a link about its joint, ``hub`` m from its start; it rotates at turn . qd."""
     inertia = link.mass_density * (link.length * link.length * link.length) / 3.0
+    inertia += link.mass_density * link.length * hub * (hub + link.length)
     modal = np.zeros(len(turn))
-    modal[part] = link.first_moment
+    modal[part] = link.first_moment + hub * link.mean
     matrix = inertia * np.outer(turn, turn) + np.outer(turn, modal) + np.outer(modal, turn)
     index = np.arange(part.start, part.stop)
     matrix[index, index] += link.modal_mass
     return np.asarray(matrix)
+
+
+@compiled
+def eq14_terms(
+    q: FloatArray,
+    qd: FloatArray,
+    tau1: float,
+    tau2: float,
+    mass: FloatArray,
+    diagonals: FloatArray,
+    coupling: float,
+    matrix: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Fill the mass matrix of (14), lower triangle of ``matrix``, and its forces, ``out``."""
+    n = q.shape[0]
+    sine, cosine = sincos(q[1])
+    for i in range(n):
+        for j in range(i + 1):
+            matrix[i, j] = mass[0, i, j] + cosine * mass[1, i, j]
+        out[i] = -diagonals[0, i] * q[i] - diagonals[1, i] * qd[i]
+    swirl = coupling * sine
+    out[0] += tau1 + swirl * qd[1] * (2.0 * qd[0] + qd[1])
+    out[1] += tau2 - swirl * qd[0] * qd[0]
 
 
 @compiled
@@ -143,15 +175,7 @@ def _acceleration(
     out: FloatArray,
 ) -> None:
     """Solve (14) for the accelerations, into ``out``."""
-    n = q.shape[0]
-    sine, cosine = sincos(q[1])
-    for i in range(n):
-        for j in range(i + 1):
-            matrix[i, j] = mass[0, i, j] + cosine * mass[1, i, j]
-        out[i] = -diagonals[0, i] * q[i] - diagonals[1, i] * qd[i]
-    swirl = coupling * sine
-    out[0] += tau1 + swirl * qd[1] * (2.0 * qd[0] + qd[1])
-    out[1] += tau2 - swirl * qd[0] * qd[0]
+    eq14_terms(q, qd, tau1, tau2, mass, diagonals, coupling, matrix, out)
     solve_symmetric(matrix, out)
 
 

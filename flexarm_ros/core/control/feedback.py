@@ -87,7 +87,7 @@ class TipFeedback:
     """The end effector as measured by the configured sensor."""
 
     def __init__(self, config: RunConfig) -> None:
-        self._lengths = config.plant.length
+        self._lengths = config.plant.spans
         self._encoder = config.controller.feedback == 'encoder'
         self._joint_rates = config.controller.velocity_source == 'encoder'
         self._rest = max(self._lengths[0] + self._lengths[1] - config.tip_sensor.location, 0.0)

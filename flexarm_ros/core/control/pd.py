@@ -28,7 +28,7 @@ class PdLaw(Law):
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)
         self._tip = TipFeedback(config)
-        self._lengths = config.plant.length
+        self._lengths = config.plant.spans
 
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
         """Return tau1, tau2 (N m); see :class:`Law`."""

@@ -137,7 +137,7 @@ class PassiveLaw(InverseLaw):
         self._step = config.controller.passive_bandwidth * Timeline.of(config.run).period
         self._ring = np.zeros((self._late.whole + self._late.every + 2, 2))
         self._correction = np.zeros(2)
-        first = config.plant.length[0]
+        first = config.plant.spans[0]
         self._along = (first, max(config.tip_sensor.location - first, 0.0))
 
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
@@ -154,5 +154,5 @@ class PassiveLaw(InverseLaw):
             before = self._ring[max(newer - 1, 0) % len(self._ring), axis]
             beyond = sample.tip[axis] - (after + late.part * (before - after))
             c[axis] += self._step * (-gains.passive_share * beyond - c[axis])
-        lead(planned, self.config.plant.length, c, self._target)
+        lead(planned, self.config.plant.spans, c, self._target)
         return self._held(planned, sample)

@@ -119,8 +119,17 @@ class PlantParameters:
         choices=('arm_modes', 'craig_bampton', 'clamped_free'),
     )  # fmt: skip
     length: tuple[float, float] = _key(
-        (4.5, 4.5), 'float2', 'm', 'link lengths', low=0.0, low_open=True, high=1e4, paper='4.5'
-    )
+        (4.5, 4.5), 'float2', 'm', 'length of the flexible part of each link', low=0.0,
+        low_open=True, high=1e4, paper='4.5',
+    )  # fmt: skip
+    hub_radius: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'm', 'length of the rigid, massless part of each link between its '
+        'joint and its flexible part', low=0.0, high=1e4,
+    )  # fmt: skip
+    end_offset: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'm', 'length of the rigid, massless part of each link between its '
+        'flexible part and the next joint or the tip', low=0.0, high=1e4,
+    )  # fmt: skip
     mass_density: tuple[float, float] = _key(
         (0.335, 0.335), 'float2', 'kg/m', 'mass per metre of each link', low=0.0, low_open=True,
         high=1e6, paper='0.335',
@@ -144,6 +153,22 @@ class PlantParameters:
         0.0, 'float', 'kg m^2', 'rotary inertia at the end of link 1', low=0.0, high=1e6
     )
     damping_ratio: float = _key(0.0, 'float', '', 'modal damping ratio', low=0.0, high=1.0)
+    link_damping: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'N m s/rad', 'material (Kelvin-Voigt) damping of each link: root '
+        'moment per rate of the angle deflection / length, beside damping_ratio', low=0.0,
+        high=1e9,
+    )  # fmt: skip
+    viscous_friction: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'N m s/rad', 'viscous friction of each joint', low=0.0, high=1e9
+    )
+    coulomb_friction: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'N m', 'Coulomb friction of each joint, also the torque that breaks '
+        'it away from rest', low=0.0, high=1e9,
+    )  # fmt: skip
+    coulomb_friction_negative: tuple[float, float] | None = _key(
+        None, 'float2', 'N m', 'Coulomb friction of each joint at negative rates; default: '
+        'coulomb_friction', low=0.0, high=1e9,
+    )  # fmt: skip
     substeps: int | None = _key(
         None, 'int', '', 'integration steps per tick; default: from the highest frequency',
         low=1, high=100000,
@@ -170,6 +195,22 @@ class PlantParameters:
         choices=('end', 'zero'),
     )  # fmt: skip
 
+    @property
+    def spans(self) -> tuple[float, float]:
+        """Return the distances shoulder to elbow and elbow to tip, m, of straight links."""
+        hubs, lengths, ends = self.hub_radius, self.length, self.end_offset
+        return hubs[0] + lengths[0] + ends[0], hubs[1] + lengths[1] + ends[1]
+
+    def flexible_part(self, link: int, distance: float) -> tuple[float, float]:
+        """
+        Split a distance, m, from the joint of ``link`` (0 or 1).
+
+        Returns its part along the flexible length and that beyond the flexible length.
+        """
+        past_hub = distance - self.hub_radius[link]
+        bent = min(max(past_hub, 0.0), self.length[link])
+        return bent, max(past_hub - bent, 0.0)
+
 
 @dataclass(frozen=True)
 class EncoderParameters:
@@ -184,6 +225,9 @@ class EncoderParameters:
     )
     noise_std: float = _key(
         0.0, 'float', 'rad', 'standard deviation of the angle noise', low=0.0, high=1.0, live=True
+    )
+    offset: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'rad', 'reading of each encoder at angle zero', low=-1e4, high=1e4
     )
 
 

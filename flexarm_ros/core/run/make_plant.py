@@ -39,6 +39,14 @@ def check_substeps(config: RunConfig) -> None:
         choose_substeps(config.plant, Timeline.of(config.run).period, highest_frequency(config))
 
 
+def is_driven(config: RunConfig) -> bool:
+    """Return whether friction or drives make the plant of ``config`` a ``DrivenPlant``."""
+    plant = config.plant
+    coulomb = (*plant.coulomb_friction, *(plant.coulomb_friction_negative or ()))
+    # Viscous friction alone is among the damping of eq14.
+    return any(coulomb) or (plant.model == 'full' and any(plant.viscous_friction))
+
+
 def make_plant(config: RunConfig) -> Plant:
     """
     Return the plant of ``config`` at its initial state.
@@ -48,7 +56,11 @@ def make_plant(config: RunConfig) -> Plant:
     key, for too few substeps or an unreachable start.
     """
     plant: Plant
-    if config.plant.model == 'full':
+    if is_driven(config):
+        from flexarm_ros.core.arm.driven.plant import DrivenPlant
+
+        plant = DrivenPlant(config, highest_frequency(config))
+    elif config.plant.model == 'full':
         from flexarm_ros.core.arm.full.plant import FullPlant
 
         plant = FullPlant(config)

@@ -59,7 +59,7 @@ class Metrics:
         self._switches_known = 'trajectory' not in external
         timeline = Timeline.of(config.run)
         self._period_ns, self._end_ns = timeline.period_ns, timeline.duration_ns
-        self._path, self._lengths = make_path(config), config.plant.length
+        self._path, self._lengths = make_path(config), config.plant.spans
         self._sums: FloatArray = np.zeros(6)
         self._rows: list[Row] = []
         self._done = 0

@@ -63,7 +63,7 @@ class Rows:
         self._agenda = Agenda(config.changes)
         self._period_ns = Timeline.of(config.run).period_ns
         self._reference = Reference(config)
-        self._lengths = config.plant.length
+        self._lengths = config.plant.spans
         elbow = make_point(config.plant, self._lengths[0], elastic=True)
         tip = make_point(config.plant, self._lengths[0] + self._lengths[1], elastic=True)
         self._shapes = (elbow.shapes, elbow.shortening, tip.shapes, tip.shortening)

@@ -127,6 +127,7 @@ class Encoder:
         self._latency = _Latency('encoder', parameters.latency, period_ns, 'buffer')
         self._noise = Noise(config.run.seed, 'encoder')
         self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
+        self._offset = parameters.offset if any(parameters.offset) else None
 
     def check_latency(self, seconds: float) -> None:
         """Raise ``ValueError`` for a latency that cannot be set during a run."""
@@ -155,6 +156,8 @@ class Encoder:
             a, b = a + self.noise_std * first, b + self.noise_std * second
         if self.resolution > 0.0:
             a, b = _count(a, self.resolution), _count(b, self.resolution)
+        if self._offset is not None:
+            a, b = a + self._offset[0], b + self._offset[1]
         return stamp, a, b, c, d
 
 
@@ -233,7 +236,13 @@ def ticks_per_sample(rate: float, period_ns: int) -> int:
 def check_location(config: RunConfig) -> None:
     """Raise ``ValueError`` for a tip sensor that is not between elbow and tip."""
     # In decimals: 0.7 + 0.1 is 0.8, unlike in binary floating point.
-    low, beyond = (Decimal(repr(length)) for length in config.plant.length)
+    plant = config.plant
+    low, beyond = (
+        Decimal(repr(hub)) + Decimal(repr(length)) + Decimal(repr(offset))
+        for hub, length, offset in zip(
+            plant.hub_radius, plant.length, plant.end_offset, strict=True
+        )
+    )
     places = [('location', config.tip_sensor.location)]
     places += [('more_locations', place) for place in config.tip_sensor.more_locations or ()]
     for key, place in places:

@@ -42,7 +42,7 @@ class Transform(NamedTuple):
 
 def transforms(config: RunConfig, theta1: float, theta2: float) -> tuple[Transform, ...]:
     """Return the frames of the rigid skeleton."""
-    first, second = config.plant.length
+    first, second = config.plant.spans
     return (
         Transform(BASE_FRAME, LINK1, 0.0, theta1),
         Transform(LINK1, LINK2, first, theta2),
@@ -52,7 +52,7 @@ def transforms(config: RunConfig, theta1: float, theta2: float) -> tuple[Transfo
 
 def urdf(config: RunConfig) -> str:
     """Return the skeleton as URDF."""
-    first, second = config.plant.length
+    first, second = config.plant.spans
     return '\n'.join(
         [
             '<?xml version="1.0"?>',

@@ -41,6 +41,7 @@ LOADED = PlantParameters(
     link_end_mass=0.5,
     link_end_inertia=0.1,
 )
+RIGID_PARTS = replace(LOADED, hub_radius=(0.6, 0.3), end_offset=(0.4, 0.7))
 
 
 def shape(length: float, x: float, count: int, order: int) -> np.ndarray:
@@ -65,14 +66,16 @@ def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndar
     n, size = plant.modes, 2 + 2 * plant.modes
     half = 2 + n
     (l1, l2), (rho1, rho2), (ei1, ei2) = plant.length, plant.mass_density, plant.flexural_rigidity
+    (h1, h2), (e1, e2) = plant.hub_radius, plant.end_offset
     nodes, weights = np.polynomial.legendre.leggauss(40)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
     normal1 = np.array([0.0, 1.0])
     normal2 = np.array([-math.sin(theta2), math.cos(theta2)])
 
-    def on_link1(x: float) -> np.ndarray:
+    def on_link1(x: float, beyond: float = 0.0) -> np.ndarray:
         row = np.zeros(size)
-        row[0], row[2:half] = x, shape(l1, x, n, 0)
+        row[0] = h1 + x + beyond
+        row[2:half] = shape(l1, x, n, 0) + beyond * shape(l1, x, n, 1)
         return np.outer(normal1, row)
 
     turn1 = np.zeros(size)
@@ -80,10 +83,10 @@ def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndar
     turn2 = turn1.copy()
     turn2[1] = 1.0
 
-    def on_link2(x: float) -> np.ndarray:
-        row = x * turn2
-        row[half:] += shape(l2, x, n, 0)
-        return on_link1(l1) + np.outer(normal2, row)
+    def on_link2(x: float, beyond: float = 0.0) -> np.ndarray:
+        row = (h2 + x + beyond) * turn2
+        row[half:] += shape(l2, x, n, 0) + beyond * shape(l2, x, n, 1)
+        return on_link1(l1, e1) + np.outer(normal2, row)
 
     for node, weight in zip(nodes, weights, strict=True):
         x1, x2 = 0.5 * l1 * (1 + node), 0.5 * l2 * (1 + node)
@@ -93,7 +96,7 @@ def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndar
         bend1[2:half], bend2[half:] = shape(l1, x1, n, 2), shape(l2, x2, n, 2)
         stiffness += 0.5 * weight * l1 * ei1 * np.outer(bend1, bend1)
         stiffness += 0.5 * weight * l2 * ei2 * np.outer(bend2, bend2)
-    end1, end2 = on_link1(l1), on_link2(l2)
+    end1, end2 = on_link1(l1, e1), on_link2(l2, e2)
     tip_turn = turn2.copy()
     tip_turn[half:] = shape(l2, l2, n, 1)
     mass += plant.link_end_mass * end1.T @ end1 + plant.payload_mass * end2.T @ end2
@@ -104,7 +107,9 @@ def independent_matrices(plant: PlantParameters, theta2: float) -> tuple[np.ndar
     return mass, stiffness
 
 
-@pytest.mark.parametrize('plant', [PlantParameters(), PlantParameters(modes=6), LOADED])
+@pytest.mark.parametrize(
+    'plant', [PlantParameters(), PlantParameters(modes=6), LOADED, RIGID_PARTS]
+)
 @pytest.mark.parametrize('theta2', [0.0, 0.7, math.pi / 2, 2.9])
 def test_matrices_and_frequencies_assembled_another_way(plant, theta2: float) -> None:
     mass, stiffness = independent_matrices(plant, theta2)

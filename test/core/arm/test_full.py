@@ -25,6 +25,7 @@ from flexarm_ros.core.arm.full.plant import FullPlant, mass_matrix
 from flexarm_ros.core.arm.plant import instability, STABLE_PHASE
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
 from flexarm_ros.core.run.make_plant import highest_frequency, make_plant
+from flexarm_ros.stability.modes import linearise
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -45,8 +46,15 @@ LOADED = PlantParameters(
 )
 
 
+RIGID_PARTS = {'hub_radius': (0.6, 0.3), 'end_offset': (0.4, 0.7)}
+
+
 class Points:
-    """Every mass of the arm as points in the plane: where they are, from the map's definition."""
+    """
+    Every mass of the arm as points in the plane: where they are, from the map's definition.
+
+    The end of each link is that of its rigid part, where the masses and the next joint are.
+    """
 
     def __init__(self, plant: PlantParameters, nodes: int = 40) -> None:
         self.plant = plant
@@ -57,7 +65,11 @@ class Points:
             length = plant.length[link]
             phi, end_slope = basis.shape(xi), basis.shape(1.0, 1)[:, 0] / length
             short = np.array([basis.shortening(x) for x in xi]) / length
-            self.shapes.append((xi * length, phi, short, end_slope))
+            s, beyond = plant.hub_radius[link] + xi * length, plant.end_offset[link]
+            s[-1] += beyond
+            phi[:, -1] += beyond * end_slope
+            short[-1] += beyond * np.outer(end_slope, end_slope)
+            self.shapes.append((s, phi, short, end_slope))
 
     def places(self, q: np.ndarray) -> np.ndarray:
         """x, y of link 1's points and then of link 2's, each link's end last, ``(points, 2)``."""
@@ -117,10 +129,12 @@ def state(plant: PlantParameters, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize('basis', ['arm_modes', 'craig_bampton', 'clamped_free'])
-@pytest.mark.parametrize('loaded', [False, True])
-def test_mass_matrix_and_bias_are_those_of_the_moving_points(basis: str, loaded: bool) -> None:
+@pytest.mark.parametrize('case', ['bare', 'loaded', 'rigid parts'])
+def test_mass_matrix_and_bias_are_those_of_the_moving_points(basis: str, case: str) -> None:
     """For points that move as the map says: sum m J' (J q'' + J' q') = tau - K q."""
-    plant = replace(LOADED if loaded else full_plant(modes=2), basis=basis)
+    plant = replace(full_plant(modes=2) if case == 'bare' else LOADED, basis=basis)
+    if case == 'rigid parts':
+        plant = replace(plant, **RIGID_PARTS)
     points, n = Points(plant), plant.modes
     q, qd = state(plant, 3)
     jacobian, masses = points.jacobian(q), points.masses()
@@ -164,6 +178,10 @@ def test_energy_and_momentum_stay_in_free_motion(modes: int) -> None:
 
 def test_energy_and_momentum_stay_with_hubs_payload_and_unequal_links() -> None:
     assert max(conservation.drift(LOADED, pulse=20.0)) < 1e-6
+
+
+def test_energy_and_momentum_stay_with_rigid_parts() -> None:
+    assert max(conservation.drift(replace(LOADED, **RIGID_PARTS), pulse=20.0)) < 1e-6
 
 
 def test_work_and_impulse_are_balanced() -> None:
@@ -235,6 +253,21 @@ def test_modal_damping_decays_at_its_ratio() -> None:
         math.cos(fast) + zeta / math.sqrt(1.0 - zeta**2) * math.sin(fast)
     )
     assert arm.q[2] == pytest.approx(1e-4 * expected, rel=1e-4)
+
+
+@pytest.mark.parametrize('model', ['eq14', 'full'])
+def test_link_damping_is_that_of_the_bent_link(model: str) -> None:
+    """Of a link bent as by an end force: c per rate of deflection / L, as a dashpot there."""
+    plant = PlantParameters(
+        model=model, basis='craig_bampton', modes=1, link_damping=(3.0, 5.0), damping_ratio=0.0
+    )
+    arm = linearise(RunConfig(plant=plant), 0.3)
+    for link in (0, 1):
+        k, d = arm.stiffness[2 + link, 2 + link], arm.damping[2 + link, 2 + link]
+        assert d / k == pytest.approx(plant.link_damping[link] / (3.0 * 1676.0 / 4.5), rel=1e-12)
+    if model == 'full':
+        bend = arm.deflection[0, 2]
+        assert arm.damping[2, 2] == pytest.approx(3.0 * (bend / 4.5) ** 2, rel=1e-9)
 
 
 def test_runge_kutta_is_of_fourth_order() -> None:

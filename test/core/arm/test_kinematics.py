@@ -60,11 +60,14 @@ def test_straight_arm_within_rounding_is_reached() -> None:
     assert (theta1, theta2) == pytest.approx((0.3, 0.0), abs=1e-7)
 
 
+RIGID_PARTS = {'hub_radius': (0.6, 0.3), 'end_offset': (0.4, 0.7)}
+
+
 @pytest.mark.parametrize('model', ['eq14', 'full'])
-@pytest.mark.parametrize('location', [1.3, 4.5, 6.75, 9.0])
+@pytest.mark.parametrize('location', [1.3, 4.5, 6.75, 9.0, 11.0])
 @pytest.mark.parametrize('elastic', [False, True])
 def test_velocity_is_the_derivative_of_position(model, location: float, elastic: bool) -> None:
-    plant = PlantParameters(model=model, modes=3)
+    plant = PlantParameters(model=model, modes=3, **(RIGID_PARTS if location > 9.0 else {}))
     point = make_point(plant, location, elastic)
     rng = np.random.default_rng(2)
     q, qd = 0.3 * rng.normal(size=8), rng.normal(size=8)
@@ -81,6 +84,25 @@ def test_straight_links_move_as_rigid_ones(model: str) -> None:
     for location in (2.0, 4.0, 6.0, 9.0):
         rigid = make_point(plant, location, False)(q, qd)
         assert make_point(plant, location, True)(q, qd) == pytest.approx(rigid, abs=1e-12)
+
+
+@pytest.mark.parametrize('model', ['eq14', 'full'])
+def test_rigid_parts_follow_the_tangents(model: str) -> None:
+    """The hub along the joint's angle, the end along the tangent of the bent link's end."""
+    plant = PlantParameters(model=model, modes=2, **RIGID_PARTS)
+    q, rest = np.array([0.3, -0.7, 0.2, 0.05, -0.1, 0.02]), np.zeros(6)
+
+    def at(location: float) -> np.ndarray:
+        return np.array(make_point(plant, location, True)(q, rest)[:2])
+
+    assert at(0.6) == pytest.approx(0.6 * np.array([math.cos(0.3), math.sin(0.3)]))
+    bend, elbow = at(5.1), at(5.5)
+    along = np.array([math.cos(0.3), math.sin(0.3)])
+    across = np.array([-along[1], along[0]])
+    slope = float(across @ (bend - at(5.1 - 1e-6))) / 1e-6
+    shorter = 0.5 * slope**2 if model == 'full' else 0.0
+    assert across @ (elbow - bend) == pytest.approx(0.4 * slope, rel=1e-5)
+    assert along @ (elbow - bend) == pytest.approx(0.4 * (1.0 - shorter), rel=1e-5)
 
 
 def test_bent_arm_drawn_by_hand() -> None:

@@ -89,6 +89,16 @@ def test_counts() -> None:
             assert found[3 + i] == qd[i]
 
 
+@pytest.mark.parametrize('resolution', [0.0, 2 * math.pi / 4096])
+def test_offset_is_what_is_read_at_zero(resolution: float) -> None:
+    motion = [(np.zeros(4), np.ones(4)), *states(20)]
+    straight = run(encoder(resolution=resolution), motion)
+    found = run(encoder(resolution=resolution, offset=(0.02, -0.3)), motion)
+    assert found[0][1:] == (0.02, -0.3, 1.0, 1.0)
+    for was, now in zip(straight, found, strict=True):
+        assert now == (was[0], was[1] + 0.02, was[2] - 0.3, was[3], was[4])
+
+
 def test_encoder_noise_has_the_given_deviation_and_is_white() -> None:
     still = [(np.zeros(4), np.zeros(4))] * 20_000
     found = np.array(run(encoder(noise_std=1e-3), still))[:, 1:]
@@ -181,6 +191,14 @@ def test_whole_ticks_a_sample(rate: float, period_ns: int, ticks: int) -> None:
 def test_a_rate_that_is_not_whole_ticks_is_refused(rate: float) -> None:
     with pytest.raises(ValueError, match='^tip_sensor.rate: .*allowed'):
         ticks_per_sample(rate, MS)
+
+
+def test_location_is_on_link_2_with_its_rigid_parts() -> None:
+    plant = PlantParameters(hub_radius=(0.1, 0.2), end_offset=(0.7, 0.3))
+    for location in (5.3, 10.3):  # 0.1 + 4.5 + 0.7 is below 5.3 in binary
+        check_location(RunConfig(plant=plant, tip_sensor=TipSensorParameters(location=location)))
+    with pytest.raises(ValueError, match=r'5\.3 \(elbow\) to 10\.3 m \(tip\)'):
+        check_location(RunConfig(plant=plant, tip_sensor=TipSensorParameters(location=5.29)))
 
 
 def test_location_must_be_on_link_2() -> None:

@@ -33,6 +33,7 @@ from typing import TypeAlias
 
 from flexarm_ros.core.arm.full.link import FW, FX, FY, link_terms, SPIN_INERTIA, SX, SY
 from flexarm_ros.core.arm.full.model import (
+    BEND,
     Constants,
     DAMPING,
     END,
@@ -266,10 +267,10 @@ def end_deflections(
     n = vectors.shape[2]
     first, second, first_rate, second_rate = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        first += vectors[0, END, i] * q[2 + i]
-        second += vectors[1, END, i] * q[2 + n + i]
-        first_rate += vectors[0, END, i] * qd[2 + i]
-        second_rate += vectors[1, END, i] * qd[2 + n + i]
+        first += vectors[0, BEND, i] * q[2 + i]
+        second += vectors[1, BEND, i] * q[2 + n + i]
+        first_rate += vectors[0, BEND, i] * qd[2 + i]
+        second_rate += vectors[1, BEND, i] * qd[2 + n + i]
     return first, second, first_rate, second_rate
 
 

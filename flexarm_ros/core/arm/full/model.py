@@ -15,11 +15,13 @@
 """
 Constants of the full model: a link's integrals and masses, packed for the compiled code.
 
-A link of length L, mass m = rho L and rigidity EI, with a point mass and a
-rotary inertia at its end, seen from the frame at its own start (x along the
-tangent there): the material point s is at
+A link of length L, mass m = rho L and rigidity EI between two rigid massless parts, of length h
+at its joint and e at its end, with a point mass and a rotary inertia at the very end, seen from
+the frame at its joint (x along the tangent there): the material point s, from -h to L + e, is at
 
-    r(s) = (s - 1/2 a^T G(s) a,  phi(s)^T a),   G(s) = int_0^s phi' phi'^T
+    r(s) = (h + s - 1/2 a^T G(s) a,  phi(s)^T a),   G(s) = int_0^s phi' phi'^T
+
+with phi = 0 before the flexible part and continued along the tangent beyond it,
 
 so that the link keeps its length to second order in the slopes.  All kinetic terms follow from
 this map without further approximation; ``docs/validation.md`` has the derivation.
@@ -33,13 +35,14 @@ from typing import NamedTuple
 from flexarm_ros.core.arm.basis import Basis, identity, orthogonal_basis
 from flexarm_ros.core.arm.basis_arm import arm_bases
 from flexarm_ros.core.arm.basis_integrals import linear_integrals, shortening_integrals
+from flexarm_ros.core.arm.plant import material_damping
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
 # Rows of ``Constants.scalars``, ``.vectors`` and ``.matrices``.
 MASS, FIRST, INERTIA, LENGTH = range(4)
-MEAN, MOMENT, END, END_SLOPE, STIFFNESS, DAMPING = range(6)
+MEAN, MOMENT, END, END_SLOPE, STIFFNESS, DAMPING, BEND = range(7)
 SPIN, MODAL, SHORT, END_SHORT = range(4)
 
 
@@ -48,16 +51,16 @@ class Constants(NamedTuple):
     Both links' integrals; first axis: the link, N: ``modes``.
 
     ``scalars`` (2, 4): mass (kg), first moment of mass along the axis (kg m),
-    moment of inertia about the start (kg m^2), all of the straight link with
-    its end mass and inertia; length (m).
+    moment of inertia about the joint (kg m^2), all of the straight link with
+    its end mass and inertia; length with the rigid parts (m).
 
-    ``vectors`` (2, 6, N): int rho phi (kg); int rho s phi plus the end
-    inertia's slope (kg m); phi(L); phi'(L) (1/m); stiffness (N/m) and damping
-    (N s/m) of each coordinate.
+    ``vectors`` (2, 7, N): int rho phi (kg); int rho (h + s) phi plus the end
+    inertia's slope (kg m); phi(L + e); phi'(L) (1/m); stiffness (N/m) and damping
+    (N s/m) of each coordinate; phi(L).
 
-    ``matrices`` (2, 4, N, N): int rho (phi phi^T - s G), the change of the moment of
+    ``matrices`` (2, 4, N, N): int rho (phi phi^T - (h + s) G), the change of the moment of
     inertia with a (kg); int rho phi phi^T plus the end inertia's
-    (kg); int rho G (kg/m); G(L) (1/m).
+    (kg); int rho G (kg/m); G(L + e) (1/m).
 
     ``cross`` (2, N, N, N): int rho phi_i G_jk (kg/m).  ``quartic``
     (2, N, N, N, N), indices i, j, k, l: int rho G_ik G_jl (kg/m^2).
@@ -106,33 +109,45 @@ def _link(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     length = plant.length[link]
     mass = plant.mass_density[link] * length
+    hub, beyond, span = plant.hub_radius[link], plant.end_offset[link], plant.spans[link]
     integral, short = linear_integrals(basis), shortening_integrals(basis)
-    end, slope = integral.end, integral.end_slope / length
-    shortening = short.end_short / length
+    slope = integral.end_slope / length
+    end = integral.end + beyond * slope
+    shortening = short.end_short / length + beyond * np.multiply.outer(slope, slope)
     square = length * length
     stiffness = plant.flexural_rigidity[link] / (length * square) * basis.stiffness
     scalars = np.array(
         [
             mass + end_mass,
-            0.5 * mass * length + end_mass * length,
-            mass * square / 3.0 + end_mass * square + end_inertia,
-            length,
+            0.5 * mass * length + mass * hub + end_mass * span,
+            mass * square / 3.0
+            + mass * hub * (hub + length)
+            + end_mass * (span * span)
+            + end_inertia,
+            span,
         ]
     )
     vectors = np.array(
         [
             mass * integral.mean + end_mass * end,
-            length * (mass * integral.moment + end_mass * end) + end_inertia * slope,
+            length * (mass * integral.moment + end_mass * end)
+            + (hub * mass * integral.mean + (hub + beyond) * end_mass * end)
+            + end_inertia * slope,
             end,
             slope,
             stiffness,
-            2.0 * plant.damping_ratio * np.sqrt(0.25 * mass * stiffness),
+            2.0 * plant.damping_ratio * np.sqrt(0.25 * mass * stiffness)
+            + material_damping(plant, link) * stiffness,
+            integral.end,
         ]
     )
     transverse = mass * integral.mass + end_mass * np.multiply.outer(end, end)
     matrices = np.array(
         [
-            transverse - mass * short.short_moment - end_mass * length * shortening,
+            transverse
+            - mass * short.short_moment
+            - hub * mass / length * short.short
+            - end_mass * span * shortening,
             transverse + end_inertia * np.multiply.outer(slope, slope),
             mass / length * short.short + end_mass * shortening,
             shortening,

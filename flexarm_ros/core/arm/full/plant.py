@@ -114,12 +114,15 @@ def mass_matrix(plant: PlantParameters, q: FloatArray) -> FloatArray:
 
 
 def elastic_diagonals(plant: PlantParameters) -> tuple[FloatArray, FloatArray]:
-    """Return the diagonals of stiffness and damping, shape ``(2 + 2N,)``, zero at the joints."""
+    """
+    Return the diagonals of stiffness and damping, shape ``(2 + 2N,)``.
+
+    Those of the joints are 0 and the viscous friction.
+    """
     vectors = make_constants(plant).vectors
-    zeros = np.zeros(2)
     return (
-        np.concatenate([zeros, vectors[:, STIFFNESS].ravel()]),
-        np.concatenate([zeros, vectors[:, DAMPING].ravel()]),
+        np.concatenate([np.zeros(2), vectors[:, STIFFNESS].ravel()]),
+        np.concatenate([np.array(plant.viscous_friction), vectors[:, DAMPING].ravel()]),
     )
 
 

@@ -19,22 +19,26 @@ from __future__ import annotations
 from flexarm_ros.core.arm.full.model import link_bases
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
+import numpy as np
 
 
 def link_shapes(
     plant: PlantParameters, link: int, distance: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
-    Return the shape functions at ``distance`` m from the start of ``link`` (0 or 1).
+    Return the shape functions at ``distance`` m from the joint of ``link`` (0 or 1).
 
     Three arrays: the shape functions (N,), their slopes (N,) in 1/m, and the
-    matrix G (N, N) in 1/m of the axial foreshortening a^T G a / 2.
+    matrix G (N, N) in 1/m of the axial foreshortening a^T G a / 2.  A rigid part of the link
+    continues its flexible one along the tangent.
     """
     length = plant.length[link]
     basis = link_bases(plant)[link]
-    xi = distance / length
+    bent, beyond = plant.flexible_part(link, distance)
+    xi = bent / length
+    slope = basis.shape(xi, 1)[:, 0] / length
     return (
-        basis.shape(xi)[:, 0],
-        basis.shape(xi, 1)[:, 0] / length,
-        basis.shortening(xi) / length,
+        basis.shape(xi)[:, 0] + beyond * slope,
+        slope,
+        basis.shortening(xi) / length + beyond * np.multiply.outer(slope, slope),
     )

@@ -76,7 +76,7 @@ def make_arm(plant: PlantParameters, location: float) -> Arm:
     stiff = make_constants_on(replace(plant, flexural_rigidity=(2 * ei[0], 2 * ei[1])), bases)
     heavy = make_constants_on(replace(plant, mass_density=(2 * rho[0], 2 * rho[1])), bases)
     tip, sensed = (
-        make_point(plant, at, True) for at in (plant.length[0] + plant.length[1], location)
+        make_point(plant, at, True) for at in (plant.spans[0] + plant.spans[1], location)
     )
     size = 2 + 2 * plant.modes
     return Arm(
@@ -169,7 +169,7 @@ def _guess(config: RunConfig, path: Path, times: list[int], n: int) -> FloatArra
     before = initial_angles(config)
     for j, time in enumerate(times):
         x, y = path.at(time)[:2]
-        angles = inverse_kinematics(config.plant.length, x, y) if j else before
+        angles = inverse_kinematics(config.plant.spans, x, y) if j else before
         for c in (0, 1):
             turn = round((before[c] - angles[c]) / (2.0 * math.pi)) * 2.0 * math.pi
             states[j, c] = angles[c] + turn

@@ -1,0 +1,118 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The plant with friction and drives: either model, integrated between located events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from flexarm_ros.core.arm.driven.dynamics import make_scratch, Rig, step_driven
+from flexarm_ros.core.arm.driven.terms import make_terms
+from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.arm.plant import ACCURATE_PHASE, choose_substeps, deflection_limits
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
+from flexarm_ros.core.signals import coordinate_names
+from flexarm_ros.core.timeline import Timeline
+import numpy as np
+
+FULL_PHASE = 0.33
+"""As ``ACCURATE_PHASE``, for the full model, whose fastest coordinates hardly move."""
+
+
+class DrivenPlant:
+    """
+    An arm with friction and drives; see `flexarm_ros.core.arm.plant.Plant`.
+
+    ``highest``: its highest rate, 1/s.  Raises ``ValueError`` if ``plant.substeps`` is too small.
+    """
+
+    def __init__(self, config: RunConfig, highest: float) -> None:
+        plant, period = config.plant, Timeline.of(config.run).period
+        self.names = coordinate_names(plant.modes)
+        self.limits = deflection_limits(plant)
+        phase = FULL_PHASE if plant.model == 'full' else ACCURATE_PHASE
+        self.substeps = choose_substeps(plant, period, highest)
+        if plant.substeps is None:
+            self.substeps = max(1, math.ceil(highest * period / phase))
+        self._step = period / self.substeps
+        size = len(self.names)
+        self._pos, self._vel = np.zeros(size + 2), np.zeros(size + 2)
+        self.q: FloatArray = self._pos[:size]
+        self.qd: FloatArray = self._vel[:size]
+        self._terms = make_terms(plant, plant.payload_mass)
+        self._rig = _rig(plant)
+        self._scratch = make_scratch(size)
+        self._torque, self._target = np.zeros(2), np.zeros(2)
+        self._bends = _bends(plant)
+
+    def step(self, tau1: float, tau2: float) -> None:
+        """Advance by one tick with the joint torques, N m, held."""
+        self._target[0], self._target[1] = tau1, tau2
+        step_driven(
+            self._terms, self._rig, self._pos, self._vel, self._torque, self._target, self._step,
+            self.substeps, self._scratch,
+        )  # fmt: skip
+
+    def deflections(self) -> tuple[float, float, float, float]:
+        """Return delta1, delta2 (m) and their rates (m/s)."""
+        found: tuple[float, float, float, float] = _deflections(self._bends, self.q, self.qd)
+        return found
+
+    def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
+        """Overwrite the state, shapes ``(2 + 2 modes,)``; drives move with their joints."""
+        self.q[:] = q
+        self.qd[:] = qd
+        self._pos[-2:], self._vel[-2:] = self.q[:2], self.qd[:2]
+
+
+def _rig(plant: PlantParameters) -> Rig:
+    negative = plant.coulomb_friction_negative or plant.coulomb_friction
+    tip = make_point(plant, plant.spans[0] + plant.spans[1], elastic=True)
+    zeros = np.zeros(2)
+    return Rig(
+        np.array([plant.coulomb_friction, negative], dtype=float).T.copy(), zeros, zeros, zeros,
+        tip.shapes, tip.shortening,
+    )  # fmt: skip
+
+
+@compiled
+def _deflections(
+    bends: FloatArray, q: FloatArray, qd: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return delta1, delta2 (m) and their rates (m/s)."""
+    first, second, first_rate, second_rate = 0.0, 0.0, 0.0, 0.0
+    count = bends.shape[1]
+    for i in range(count):
+        first += bends[0, i] * q[2 + i]
+        second += bends[1, i] * q[2 + count + i]
+        first_rate += bends[0, i] * qd[2 + i]
+        second_rate += bends[1, i] * qd[2 + count + i]
+    return first, second, first_rate, second_rate
+
+
+def _bends(plant: PlantParameters) -> FloatArray:
+    """Return the end deflections per unit of each link's coordinates, ``(2, modes)``."""
+    if plant.model == 'full':
+        from flexarm_ros.core.arm.full.model import BEND, make_constants
+
+        rows = make_constants(plant).vectors[:, BEND]
+    else:
+        from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
+
+        rows = Eq14Matrices(plant).end_shape[2:].reshape(2, plant.modes)
+    return np.ascontiguousarray(rows)
