@@ -26,9 +26,9 @@ import time
 
 from bench.table import markdown, Part, Ratio
 from flexarm_ros import scenario
-from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.warmup import warm_up
 
 TICKS = 4000

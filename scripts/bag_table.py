@@ -32,10 +32,10 @@ import tempfile
 import time
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.wire.topics import per_tick_topics
 
 SETTINGS = [

@@ -27,11 +27,12 @@ from flexarm_ros.api.numbers import finite_array
 from flexarm_ros.api.run import load, Run, table_of
 from flexarm_ros.bag import outputs
 from flexarm_ros.bag import simulation as recorded
-from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.control import Law
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.trajectory_rows import header, Row, Rows
 from flexarm_ros.scenario.plugins import register
@@ -165,7 +166,7 @@ def _fly(config: RunConfig, name: str) -> Run:
     rows, metrics = Rows(config), Metrics(config)
     table: list[Row] = []
     wall_s = 0.0
-    for block, seconds in _timed(recorded.loop_blocks(loop)):
+    for block, seconds in _timed(loop_blocks(loop)):
         wall_s += seconds
         for row in outputs.block_rows(rows, block):
             metrics.add(row)

@@ -12,32 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Consecutive ticks of a run as arrays."""
+"""Decoding of recorded ticks into arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from flexarm_ros.wire.cdr import FloatArray, IntArray
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.wire.topics import Topic
-
-
-@dataclass(frozen=True)
-class Block:
-    """
-    Complete ticks ``first``, ``first + 1``, ... of a run.
-
-    For each topic, in canonical order: ``stamps``, shape ``(n,)``, ns, and
-    ``values``, shape ``(n, fields)``, columns as in ``topic.codec.fields``.
-    """
-
-    first: int
-    stamps: tuple[IntArray, ...]
-    values: tuple[FloatArray, ...]
-
-    def __len__(self) -> int:
-        return len(self.stamps[0])
 
 
 def decode_ticks(topics: Sequence[Topic], first: int, ticks: Sequence[Sequence[bytes]]) -> Block:

@@ -30,12 +30,12 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.embedded_metadata import bag_config
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.parts import columns

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.blocks import Block, decode_ticks
+from flexarm_ros.bag.blocks import decode_ticks
 from flexarm_ros.bag.embedded_metadata import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.matching import change_of, Match, match, UNKNOWN
@@ -40,6 +40,7 @@ from flexarm_ros.bag.mcap.storage import BagFile, Front, open_files
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.recorded import from_recorded, Recorded
 from flexarm_ros.scenario.torque_file import parse_torques

@@ -16,86 +16,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 import os
 from pathlib import Path
 import time
 from typing import Any
 
-from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
-from flexarm_ros.core.run.parts import signals
-from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.wire.topics import CLOCK, per_tick_topics, STATE
-import numpy as np
-
-_BLOCK_TICKS = 512
-
-
-class BlockMaker:
-    """Collects the ticks of a simulation into blocks."""
-
-    def __init__(self, config: RunConfig) -> None:
-        widths = [len(topic.codec.fields) for topic in per_tick_topics(config)]
-        self._values = [np.empty((_BLOCK_TICKS, width)) for width in widths]
-        self._stamps = [np.empty(_BLOCK_TICKS, np.int64) for _ in widths]
-        late = [part.LATE for part, _ in signals(config)]
-        self._late = [i for i, is_late in enumerate(late) if is_late]
-        self._prompt = [
-            i for i, is_late in enumerate(late) if not is_late and i not in (CLOCK, STATE)
-        ]
-        self._timeline = Timeline.of(config.run)
-        self._first = 0
-        self._count = 0
-
-    @property
-    def full(self) -> bool:
-        """Whether the block must be taken before the next tick."""
-        return self._count == _BLOCK_TICKS
-
-    def add(self, record: TickRecord) -> None:
-        """Add one tick."""
-        i = self._count
-        if i == 0:
-            self._first = record.k
-        now = self._timeline.stamp_ns(record.k)
-        values, stamps = self._values, self._stamps
-        values[STATE][i] = record.state.values()
-        stamps[CLOCK][i] = stamps[STATE][i] = now
-        for place in self._late:
-            message = record.messages[place]
-            stamps[place][i] = message[0]
-            values[place][i] = message[1:]
-        for place in self._prompt:
-            stamps[place][i] = now
-            values[place][i] = record.messages[place]
-        self._count += 1
-
-    def take(self) -> Block:
-        """Return the collected ticks and start a new block."""
-        count, self._count = self._count, 0
-        return Block(
-            self._first,
-            tuple(stamps[:count].copy() for stamps in self._stamps),
-            tuple(values[:count].copy() for values in self._values),
-        )
-
-
-def loop_blocks(loop: ClosedLoop) -> Iterator[Block]:
-    """Run a closed loop to its end and yield its ticks in blocks."""
-    maker = BlockMaker(loop.config)
-    while (record := loop.tick()) is not None:
-        maker.add(record)
-        if maker.full:
-            yield maker.take()
-    last = maker.take()
-    if len(last):
-        yield last
+from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 
 
 def simulate(

@@ -25,10 +25,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.real_time import RunTiming
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.cdr import FloatArray

@@ -29,7 +29,6 @@ import os
 from pathlib import Path
 from types import TracebackType
 
-from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.embedded_metadata import attachments, FORMAT, front_matter
 from flexarm_ros.bag.errors import BagContentError, BagError
 from flexarm_ros.bag.mcap.files import make_directory, write_atomically
@@ -44,6 +43,7 @@ from flexarm_ros.bag.metadata import (
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.timeline import seconds_to_ns, T0_NS
 from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.cdr import ByteArray

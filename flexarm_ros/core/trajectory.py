@@ -25,11 +25,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 import math
+from typing import NamedTuple
 
 from flexarm_ros.core.arm.kinematics import inverse_kinematics, reach, REACH_TOLERANCE, rigid_point
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+import numpy as np
+from numpy.typing import NDArray
 
+Point = tuple[float, float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
 
 
@@ -56,43 +61,38 @@ class Switch:
     along_y: float
 
 
+class Sides(NamedTuple):
+    """
+    The sides of a path as arrays, for compiled code.
+
+    ``times`` (n, 2): start and duration, ns; ``lines`` (n, 4): x, y, dx, dy, m; ``lap_ns``,
+    ``smooth``: see `Path`.
+    """
+
+    times: NDArray[np.int64]
+    lines: FloatArray
+    lap_ns: int
+    smooth: bool
+
+
 class Path:
     """The sides of a trajectory; ``lap_ns`` is the period of a repeating one, else 0."""
 
     def __init__(self, sides: list[Side], lap_ns: int, smooth: bool) -> None:
-        self.sides, self.lap_ns, self._smooth = sides, lap_ns, smooth
-        self._last = sides[0]
+        self.sides, self.lap_ns = sides, lap_ns
+        times = np.array([(side.start_ns, side.time_ns) for side in sides], np.int64)
+        lines = np.array([(side.x, side.y, side.dx, side.dy) for side in sides], float)
+        self.record = Sides(times, lines, lap_ns, smooth)
+
+    def command(self, time_ns: int) -> Point:
+        """Return x, y, vx, vy at ``time_ns``; before 0 the start, at rest."""
+        point: Point = command_at(*self.record, time_ns)
+        return point
 
     def at(self, time_ns: int) -> Vector6:
         """Return x, y, vx, vy, ax, ay (m, s) at ``time_ns`` >= 0; at rest after the end."""
-        if self.lap_ns:
-            time_ns %= self.lap_ns
-        side = self._side(time_ns)
-        elapsed = time_ns - side.start_ns
-        if elapsed >= side.time_ns:
-            return side.x + side.dx, side.y + side.dy, 0.0, 0.0, 0.0, 0.0
-        part, seconds = elapsed / side.time_ns, side.time_ns / NS_PER_S
-        if not self._smooth:
-            return (
-                side.x + side.dx * part, side.y + side.dy * part,
-                side.dx / seconds, side.dy / seconds, 0.0, 0.0,
-            )  # fmt: skip
-        share, rate, second = rest_to_rest(part)
-        rate, second = rate / seconds, second / (seconds * seconds)
-        return (
-            side.x + side.dx * share, side.y + side.dy * share,
-            side.dx * rate, side.dy * rate, side.dx * second, side.dy * second,
-        )  # fmt: skip
-
-    def _side(self, time_ns: int) -> Side:
-        side = self._last
-        if side.start_ns <= time_ns < side.start_ns + side.time_ns:
-            return side
-        for side in self.sides:
-            if time_ns < side.start_ns + side.time_ns:
-                break
-        self._last = side
-        return side
+        point: Vector6 = point_at(*self.record, time_ns)
+        return point
 
     def switch(self, index: int) -> Switch | None:
         """Return direction switch ``index`` (from 0) in order of time, or ``None``."""
@@ -130,6 +130,7 @@ def _corner(side: Side, offset_ns: int) -> Switch:
     )  # fmt: skip
 
 
+@compiled
 def rest_to_rest(part: float) -> tuple[float, float, float]:
     """
     Return the fraction of the way and its first and second rates at ``part`` of the time, 0 to 1.
@@ -141,6 +142,43 @@ def rest_to_rest(part: float) -> tuple[float, float, float]:
     square, both = p * p, p * (1.0 - p)
     share = square * square * (35.0 + p * (-84.0 + p * (70.0 - 20.0 * p)))
     return share, 140.0 * both * both * both, 420.0 * both * both * (1.0 - 2.0 * p)
+
+
+@compiled
+def point_at(
+    times: NDArray[np.int64], lines: FloatArray, lap_ns: int, smooth: bool, time_ns: int
+) -> Vector6:
+    """Return x, y, vx, vy, ax, ay (m, s) at ``time_ns`` >= 0; arguments: see `Sides`."""
+    if lap_ns:
+        time_ns %= lap_ns
+    low, high = 0, times.shape[0] - 1  # the last side that has begun
+    while low < high:
+        middle = (low + high + 1) // 2
+        if times[middle, 0] <= time_ns:
+            low = middle
+        else:
+            high = middle - 1
+    elapsed, length = time_ns - times[low, 0], times[low, 1]
+    x, y, dx, dy = lines[low, 0], lines[low, 1], lines[low, 2], lines[low, 3]
+    if elapsed >= length:
+        return x + dx, y + dy, 0.0, 0.0, 0.0, 0.0
+    part, seconds = elapsed / length, length / NS_PER_S
+    if not smooth:
+        return x + dx * part, y + dy * part, dx / seconds, dy / seconds, 0.0, 0.0
+    share, rate, second = rest_to_rest(part)
+    rate, second = rate / seconds, second / (seconds * seconds)
+    return x + dx * share, y + dy * share, dx * rate, dy * rate, dx * second, dy * second
+
+
+@compiled
+def command_at(
+    times: NDArray[np.int64], lines: FloatArray, lap_ns: int, smooth: bool, time_ns: int
+) -> Point:
+    """Return x, y, vx, vy at ``time_ns``; before 0 the start, at rest."""
+    x, y, vx, vy, _, _ = point_at(times, lines, lap_ns, smooth, max(time_ns, 0))
+    if time_ns < 0:
+        return x, y, 0.0, 0.0
+    return x, y, vx, vy
 
 
 def make_path(config: RunConfig) -> Path:
@@ -213,29 +251,26 @@ class Reference:
     def __init__(self, config: RunConfig) -> None:
         self.path = make_path(config)
         self._period_ns = Timeline.of(config.run).period_ns
-        self._delay_ns = 0
+        self.delay_ns = 0
         self.set_delay_ns(named_ns('trajectory.delay', config.trajectory.delay))
-        x, y = self.path.at(0)[:2]
-        self._start = (x, y, 0.0, 0.0)
 
     def at(self, k: int) -> Vector6:
         """Return the undelayed x, y, vx, vy, ax, ay (m, s; ``base``) at tick ``k``."""
         return self.path.at(k * self._period_ns)
 
-    def command(self, k: int) -> tuple[float, float, float, float]:
+    def command(self, k: int) -> Point:
         """
         Return x, y, vx, vy of ``trajectory.delay`` ago, as sent to the controller.
 
         Before the start: the start position with zero velocity.
         """
-        time_ns = k * self._period_ns - self._delay_ns
-        return self._start if time_ns < 0 else self.path.at(time_ns)[:4]
+        return self.path.command(k * self._period_ns - self.delay_ns)
 
     def set_delay_ns(self, delay_ns: int) -> None:
         """Change the delay of the command from the next tick on."""
         if delay_ns < 0:
             raise ValueError(f'trajectory.delay: {delay_ns} ns, must be 0 or more')
-        self._delay_ns = delay_ns
+        self.delay_ns = delay_ns
 
     def retune(self, config: RunConfig) -> None:
         """Use the live parameters of ``config`` from the next tick on."""

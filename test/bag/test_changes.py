@@ -21,7 +21,6 @@ from pathlib import Path
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.checks.compare import compare
-from flexarm_ros.bag.checks.recompute import loop_messages
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.reader import BagReader
@@ -30,6 +29,7 @@ from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_messages
 from flexarm_ros.wire.parameter_event import decode, encode
 from flexarm_ros.wire.topics import per_tick_topics, TIP
 import pytest

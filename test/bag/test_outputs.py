@@ -30,11 +30,12 @@ from flexarm_ros.bag.errors import BagError, BagExistsError
 from flexarm_ros.bag.outputs import unfinished_summary, write_summary
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.simulation import loop_blocks, simulate
+from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.bag.tables.export import export, NO_PYARROW
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.metric_list import METRICS, NAMES
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE

@@ -20,15 +20,15 @@ from pathlib import Path
 
 from bagtools import small_config
 from flexarm_ros import scenario
-from flexarm_ros.bag.blocks import Block
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.wire.topics import CLOCK, per_tick_topics
 from nodetools import flexarm

@@ -31,6 +31,7 @@ from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.parameters.spec import parameter
 from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.trajectory_rows import COLUMNS
 from flexarm_ros.core.signals import Joints, Signal
 from flexarm_ros.scenario import plugins
@@ -135,7 +136,7 @@ def test_in_every_command_without_nodes(
 def test_a_changed_message_of_the_part_is_found(stranger: Path, tmp_path: Path) -> None:
     from flexarm_ros.bag.checks.verify import verify
     from flexarm_ros.bag.recording import BAG
-    from flexarm_ros.bag.simulation import loop_blocks, simulate
+    from flexarm_ros.bag.simulation import simulate
     from flexarm_ros.bag.writer import BagWriter
 
     config = scenario.load('pd_tip', OVERRIDES)

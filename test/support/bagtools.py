@@ -23,10 +23,10 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.reader import BagReader
-from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 
 OPEN_LOOP = ((0.0, 1.0, -2.0), (0.1, 3.5, 0.25), (0.2, -1.0, 1e-3))
 

@@ -24,8 +24,8 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.bag import outputs
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.simulation import loop_blocks
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_blocks
 
 
 def fly(directory: Path, name: str, *overrides: str) -> Path:

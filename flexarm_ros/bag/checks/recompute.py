@@ -21,7 +21,7 @@ from typing import Any
 
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
-from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
+from flexarm_ros.core.run.loop_blocks import Stamped, stamped
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.part import Answer
 from flexarm_ros.core.run.parts import answering
@@ -30,8 +30,6 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import CLOCK, COMMAND, STATE, Topic
 
 Values = tuple[float, ...]
-Stamped = tuple[int, Values]
-"""Stamp (ns) and values of one message."""
 
 Tick = Sequence[Values | None]
 """Values of each topic's message at one tick, None if missing or unreadable."""
@@ -148,19 +146,3 @@ class _Recomputed:
                 self._writes, answers if len(self._writes) > 1 else (answers,), strict=True
             )
         }
-
-
-def stamped(message: Any, late: bool, stamp: int) -> Stamped:
-    """Return stamp and values of a part's output at the tick with ``stamp``, ns."""
-    return (message[0], message[1:]) if late else (stamp, message)
-
-
-def loop_messages(loop: ClosedLoop, record: TickRecord) -> list[Stamped]:
-    """Return the messages of one tick of the closed loop, in canonical order."""
-    stamp = loop.timeline.stamp_ns(record.k)
-    found = [
-        stamped(message, late, stamp)
-        for message, late in zip(record.messages, loop.answers.late, strict=True)
-    ]
-    found[CLOCK], found[STATE] = (stamp, ()), (stamp, record.state.values())
-    return found

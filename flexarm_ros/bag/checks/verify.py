@@ -28,7 +28,7 @@ import json
 import os
 from pathlib import Path
 
-from flexarm_ros.bag.checks.recompute import loop_messages, Nodes, Stamped, Tick, Values
+from flexarm_ros.bag.checks.recompute import Nodes, Tick, Values
 from flexarm_ros.bag.errors import BagContentError, UnknownRoleError
 from flexarm_ros.bag.mcap.storage import METADATA_FILE
 from flexarm_ros.bag.metadata import read_counts, read_files
@@ -37,6 +37,7 @@ from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.loop_blocks import loop_messages, Stamped
 from flexarm_ros.core.run.parts import recorded_roles
 from flexarm_ros.scenario.errors import counted
 from flexarm_ros.scenario.recorded import RECORDER

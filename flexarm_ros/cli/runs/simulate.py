@@ -29,7 +29,7 @@ from flexarm_ros.cli.signals import Deferred
 from flexarm_ros.core.parameters.sections import RunConfig
 
 if TYPE_CHECKING:
-    from flexarm_ros.bag.blocks import Block
+    from flexarm_ros.core.run.block import Block
 
 Watch = Callable[[int, int], None]
 
@@ -93,8 +93,8 @@ def _without_bag(
     from flexarm_ros.bag import outputs
     from flexarm_ros.bag.provenance import Provenance
     from flexarm_ros.bag.recording import prepare_directory
-    from flexarm_ros.bag.simulation import loop_blocks
     from flexarm_ros.core.run.loop import ClosedLoop
+    from flexarm_ros.core.run.loop_blocks import loop_blocks
 
     loop = ClosedLoop(config)
     prepare_directory(directory, config, name)

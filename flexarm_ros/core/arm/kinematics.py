@@ -22,7 +22,7 @@ counter-clockwise positive in rad.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
@@ -95,11 +95,40 @@ def elastic_point(
     return x, y, vx, vy
 
 
+class SensedPoint(NamedTuple):
+    """
+    A point of the arm for compiled code; `sensed_point` takes it.
+
+    ``elastic``: the point of `elastic_point` with ``shapes`` and ``shortening``; otherwise
+    that of `rigid_point`, ``along1`` m along link 1 and ``beyond`` m along link 2.
+    """
+
+    elastic: bool
+    along1: float
+    beyond: float
+    shapes: FloatArray
+    shortening: FloatArray
+
+
+@compiled
+def sensed_point(
+    point: SensedPoint, q: FloatArray, qd: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return x, y, vx, vy of either kind of point."""
+    if point.elastic:
+        return elastic_point(q, qd, point.shapes, point.shortening)
+    return rigid_point(point.along1, point.beyond, q[0], q[1], qd[0], qd[1])
+
+
 class PointKinematics:
     """Position and velocity of one material point; made by :func:`make_point`."""
 
     def __init__(self, shapes: FloatArray, shortening: FloatArray) -> None:
         self.shapes, self.shortening = shapes, shortening
+
+    def record(self) -> SensedPoint:
+        """Return the point for compiled code."""
+        return SensedPoint(True, 0.0, 0.0, self.shapes, self.shortening)
 
     def __call__(self, q: FloatArray, qd: FloatArray) -> tuple[float, float, float, float]:
         """Return x, y (m), vx, vy (m/s) in ``base`` for a state of shapes ``(n,)``."""
@@ -113,8 +142,13 @@ class RigidPointKinematics(PointKinematics):
     """The same point on an arm with rigid links: joint angles only."""
 
     def __init__(self, lengths: Lengths, location: float) -> None:
+        super().__init__(np.zeros((3, 1)), np.zeros((2, 0, 0)))
         self._along1 = min(location, lengths[0])
         self._beyond = max(location - lengths[0], 0.0)
+
+    def record(self) -> SensedPoint:
+        """Return the point for compiled code."""
+        return SensedPoint(False, self._along1, self._beyond, self.shapes, self.shortening)
 
     def __call__(self, q: FloatArray, qd: FloatArray) -> tuple[float, float, float, float]:
         """Return x, y (m), vx, vy (m/s) in ``base``; only the first two entries are read."""

@@ -113,8 +113,7 @@ def instability(plant: Plant) -> str | None:
     It is unstable if not finite, or if a deflection is beyond ``plant.limits``.
     """
     ends, limits = plant.deflections(), plant.limits
-    inside = abs(ends[0]) <= limits[0] and abs(ends[1]) <= limits[1]
-    if inside and all_finite(plant.q, plant.qd):
+    if is_stable(ends, limits, plant.q, plant.qd):
         return None
     for name, value in zip(plant.names, plant.q, strict=True):
         if not math.isfinite(value):
@@ -124,6 +123,18 @@ def instability(plant: Plant) -> str | None:
             return f'rate of {name}: {value}'
     link = 0 if not abs(ends[0]) <= limits[0] else 1
     return f'deflection of link{link + 1}: {ends[link]:.6g} m, limit {limits[link]:.6g} m'
+
+
+@compiled
+def is_stable(
+    ends: tuple[float, float, float, float],
+    limits: tuple[float, float],
+    q: FloatArray,
+    qd: FloatArray,
+) -> bool:
+    """Return whether the deflections are within their limits and ``q``, ``qd`` finite."""
+    inside = abs(ends[0]) <= limits[0] and abs(ends[1]) <= limits[1]
+    return inside and all_finite(q, qd)
 
 
 @compiled

@@ -34,6 +34,7 @@ stiffness (and damping) on the others.  Neither energy nor angular momentum is c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
 from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, material_damping
@@ -244,6 +245,19 @@ def end_deflections(state: FloatArray, shape: FloatArray) -> tuple[float, float,
     return delta1, delta2, rate1, rate2
 
 
+class Eq14Record(NamedTuple):
+    """The arguments of `step_eq14` beside the torques, for compiled code."""
+
+    state: FloatArray
+    step: float
+    substeps: int
+    mass: FloatArray
+    diagonals: FloatArray
+    coupling: float
+    matrix: FloatArray
+    work: FloatArray
+
+
 class Eq14Plant:
     """The arm of (14); see `flexarm_ros.core.arm.plant.Plant`."""
 
@@ -280,3 +294,10 @@ class Eq14Plant:
         self.q[:] = q
         self.qd[:] = qd
         self._ends = end_deflections(self._state, self._diagonals[2])
+
+    def record(self) -> Eq14Record:
+        """Return the plant for compiled code, which advances it in place."""
+        return Eq14Record(
+            self._state, self._step, self.substeps, self._mass, self._diagonals, self._coupling,
+            self._matrix, self._work,
+        )  # fmt: skip

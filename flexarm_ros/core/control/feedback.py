@@ -34,10 +34,8 @@ reach.
 from __future__ import annotations
 
 from flexarm_ros.core.arm.kinematics import rigid_point
-from flexarm_ros.core.control.law import Sample
 from flexarm_ros.core.numerics.compiled import compiled
 from flexarm_ros.core.numerics.elementary import sincos
-from flexarm_ros.core.parameters.sections import RunConfig
 
 Point = tuple[float, float, float, float]
 
@@ -81,26 +79,3 @@ def limited(torque: float, limit: float) -> float:
     if limit > 0.0:
         return min(max(torque, -limit), limit)
     return torque
-
-
-class TipFeedback:
-    """The end effector as measured by the configured sensor."""
-
-    def __init__(self, config: RunConfig) -> None:
-        self._lengths = config.plant.spans
-        self._encoder = config.controller.feedback == 'encoder'
-        self._joint_rates = config.controller.velocity_source == 'encoder'
-        self._rest = max(self._lengths[0] + self._lengths[1] - config.tip_sensor.location, 0.0)
-
-    def __call__(self, sample: Sample) -> Point:
-        """Return x, y (m) and vx, vy (m/s) of the tip, frame ``base``."""
-        length1, length2 = self._lengths
-        th1, th2, dth1, dth2 = sample.q[0], sample.q[1], sample.qd[0], sample.qd[1]
-        if self._encoder:
-            point: Point = tip_from_encoder(length1, length2, *sample.encoder)
-        else:
-            point = tip_from_point(self._rest, th1, th2, dth1, dth2, *sample.tip)
-        if not self._joint_rates:
-            return point
-        _, _, vx, vy = rigid_point(length1, length2, th1, th2, dth1, dth2)
-        return point[0], point[1], vx, vy

@@ -20,8 +20,10 @@ from itertools import pairwise
 
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
+import numpy as np
 
 Row = tuple[float, float, float]
 
@@ -37,28 +39,35 @@ class OpenLoopLaw(Law):
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)
         check_torques(config.torques)
-        self._rows = config.torques
+        self.table: FloatArray = np.array(config.torques, float)
         self._period_ns = Timeline.of(config.run).period_ns
-        self._next = 0
 
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
         """Return tau1, tau2 (N m); see :class:`Law`."""
-        time = (2 * k + 1) * self._period_ns / (2 * NS_PER_S)
-        rows = self._rows
-        while self._next < len(rows) and rows[self._next][0] <= time:
-            self._next += 1
-        tau1, tau2 = _between(rows, self._next, time)
         limit = self.config.controller.torque_limit
-        return limited(tau1, limit), limited(tau2, limit)
+        torque: tuple[float, float] = torque_at(self.table, k, self._period_ns, limit)
+        return torque
 
 
-def _between(rows: tuple[Row, ...], following: int, time: float) -> tuple[float, float]:
-    if following == 0 or following == len(rows):
-        row = rows[max(following - 1, 0)]
-        return row[1], row[2]
-    (t0, a0, b0), (t1, a1, b1) = rows[following - 1], rows[following]
-    part = (time - t0) / (t1 - t0)
-    return a0 + part * (a1 - a0), b0 + part * (b1 - b0)
+@compiled
+def torque_at(table: FloatArray, k: int, period_ns: int, limit: float) -> tuple[float, float]:
+    """Return tau1, tau2 of tick ``k`` from ``table`` (n, 3), rows t, tau1, tau2 in order of t."""
+    time = (2 * k + 1) * period_ns / (2 * NS_PER_S)
+    after, end = 0, table.shape[0]  # the first row later than ``time``
+    while after < end:
+        middle = (after + end) // 2
+        if table[middle, 0] <= time:
+            after = middle + 1
+        else:
+            end = middle
+    before = max(after - 1, 0)
+    tau1, tau2 = table[before, 1], table[before, 2]
+    if 0 < after < table.shape[0]:
+        start = table[before, 0]
+        part = (time - start) / (table[after, 0] - start)
+        tau1 += part * (table[after, 1] - tau1)
+        tau2 += part * (table[after, 2] - tau2)
+    return limited(tau1, limit), limited(tau2, limit)
 
 
 def check_torques(rows: tuple[Row, ...]) -> None:

@@ -108,30 +108,59 @@ class ClosedLoop:
         self.k = 0
         self.unstable: str | None = None
         self.unstable_tick: int | None = None
-        self._torque: tuple[float, float] | None = None
+        self.torque: tuple[float, float] | None = None
+        """That of the last tick."""
 
     def tick(self) -> TickRecord | None:
         """Run the next tick; ``None`` if the run has ended or the arm is unstable."""
         plant, k = self.plant, self.k
         if k >= self._ticks or self.unstable is not None:
             return None
-        if self._torque is not None:
-            plant.step(*self._torque)
-        self.unstable = instability(plant)
-        if self.unstable is not None:
-            self.unstable_tick = k
+        if self.torque is not None:
+            plant.step(*self.torque)
+        if self._is_unstable():
             return None
         if k >= self._agenda.next:
             self._retune(k)
         state = State(plant.q, plant.qd, plant.deflections())
         messages = self._tick(k, state)
-        self._torque = messages[_COMMAND]
+        self.torque = messages[_COMMAND]
+        self._end_tick(k)
+        return TickRecord(k, state, messages, self.law.gain)
+
+    def begin_block(self, most: int) -> int:
+        """Take the changes due now; return how many ticks, at most ``most``, have no other."""
+        if self.unstable is not None:
+            return 0
+        if self.k >= self._agenda.next:
+            self._retune(self.k)
+        return int(min(most, self._ticks - self.k, self._agenda.next - self.k))
+
+    def end_block(self, done: int, count: int) -> None:
+        """
+        Go on to the state after ``done`` of ``count`` ticks, which the kernel has run.
+
+        With ``done`` less than ``count`` one of them ended the run.
+        """
+        if done:
+            self._end_tick(self.k + done - 1)
+        if done < count and self.unstable is None:
+            self._is_unstable()
+
+    def _is_unstable(self) -> bool:
+        """Note whether the plant's state is unstable."""
+        self.unstable = instability(self.plant)
+        if self.unstable is not None:
+            self.unstable_tick = self.k
+        return self.unstable is not None
+
+    def _end_tick(self, k: int) -> None:
+        """Go on to the next tick, and note a torque that ends the run."""
         self.k = k + 1
-        fault = self._controller.fault(k, self._torque)
+        fault = self._controller.fault(k, self.torque)
         if fault is not None:
             self.unstable = f'{self._controller.title}: {fault}'
             self.unstable_tick = self.k
-        return TickRecord(k, state, messages, self.law.gain)
 
     def _retune(self, k: int) -> None:
         """Apply the parameter changes of tick ``k``: see ``RunConfig.changes``."""

@@ -36,6 +36,7 @@ again); if it shrinks, values are skipped.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import exp, sincos
@@ -52,7 +53,26 @@ MOST_SAMPLES = 1 << 16
 
 NO_LIMIT_NS = 1 << 62
 
+_NO_RING, _NO_STATE = np.zeros((0, CHANNELS)), np.zeros((3, CHANNELS))
+_NO_MATRICES = np.zeros((2, 4))
+
 Sample4 = tuple[float, float, float, float]
+
+
+class Line(NamedTuple):
+    """
+    A delay line for compiled code; `delayed` takes it.
+
+    ``ring``, ``whole``, ``part``: of a `BufferDelay`, ``ring`` of shape (0, 4) for the other;
+    ``state``, ``matrices``, ``direct``: of a `PadeDelay`.
+    """
+
+    ring: FloatArray
+    whole: int
+    part: float
+    state: FloatArray
+    matrices: FloatArray
+    direct: bool
 
 
 class BufferDelay:
@@ -76,14 +96,19 @@ class BufferDelay:
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
         """Add the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
-        result: Sample4 = _through_ring(self._ring, k, self._whole, self._part, a, b, c, d)
+        result: Sample4 = through_ring(self._ring, k, self._whole, self._part, a, b, c, d)
         return result
+
+    def record(self) -> Line:
+        """Return the line for compiled code, at the latency of this tick."""
+        return Line(self._ring, self._whole, self._part, _NO_STATE, _NO_MATRICES, False)
 
 
 @compiled
-def _through_ring(
+def through_ring(
     ring: FloatArray, k: int, whole: int, part: float, a: float, b: float, c: float, d: float
 ) -> Sample4:
+    """Put the sample of tick ``k`` into ``ring`` and return the one of ``whole + part`` ago."""
     size = ring.shape[0]
     here = k % size
     ring[here, 0], ring[here, 1], ring[here, 2], ring[here, 3] = a, b, c, d
@@ -124,8 +149,14 @@ class PadeDelay:
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
         """Add the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
-        result: Sample4 = _through_pade(self._state, self._matrices, k == 0, a, b, c, d)
-        return (a, b, c, d) if self._direct else result
+        result: Sample4 = through_pade(
+            self._state, self._matrices, self._direct, k == 0, a, b, c, d
+        )
+        return result
+
+    def record(self) -> Line:
+        """Return the line for compiled code, at the latency of this tick."""
+        return Line(_NO_RING, 0, 0.0, self._state, self._matrices, self._direct)
 
 
 def pade2_matrices(ratio: float) -> FloatArray:
@@ -159,9 +190,11 @@ def pade2_matrices(ratio: float) -> FloatArray:
 
 
 @compiled
-def _through_pade(
-    state: FloatArray, m: FloatArray, first: bool, a: float, b: float, c: float, d: float
-) -> Sample4:
+def through_pade(
+    state: FloatArray, m: FloatArray, direct: bool, first: bool,
+    a: float, b: float, c: float, d: float,
+) -> Sample4:  # fmt: skip
+    """Step the approximation from tick to tick; ``direct``: the latency is 0."""
     for i, value in enumerate((a, b, c, d)):
         if first:
             state[0, i], state[1, i] = value, 0.0
@@ -170,4 +203,14 @@ def _through_pade(
             state[0, i] = m[0, 0] * z1 + m[0, 1] * z2 + m[0, 2] * last + m[0, 3] * value
             state[1, i] = m[1, 0] * z1 + m[1, 1] * z2 + m[1, 2] * last + m[1, 3] * value
         state[2, i] = value
+    if direct:
+        return a, b, c, d
     return a - state[1, 0], b - state[1, 1], c - state[1, 2], d - state[1, 3]
+
+
+@compiled
+def delayed(line: Line, k: int, a: float, b: float, c: float, d: float) -> Sample4:
+    """Add the sample of tick ``k`` and return the delayed one, through either kind of line."""
+    if line.ring.shape[0] == 0:
+        return through_pade(line.state, line.matrices, line.direct, k == 0, a, b, c, d)
+    return through_ring(line.ring, k, line.whole, line.part, a, b, c, d)

@@ -30,12 +30,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from decimal import Decimal
 import math
+from typing import NamedTuple
 
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import log
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.sensing.delay import BufferDelay, PadeDelay, Sample4
+from flexarm_ros.core.sensing.delay import BufferDelay, Line, PadeDelay, Sample4
 from flexarm_ros.core.timeline import named_ns, T0_NS, ticks_between, Timeline
 import numpy as np
 
@@ -56,13 +57,24 @@ class Noise:
     def pair(self) -> tuple[float, float]:
         """Return the next two numbers of the sequence."""
         while not self._block:
-            bits = self._bits.random_raw((_BLOCK, 2))
-            # The upper 53 bits as a number from -1 to 1, exactly.
-            points = (bits >> np.uint64(11)).astype(float) * 2.0**-52 - 1.0
-            count = make_normal(points)
-            self._block = points[:count][::-1].tolist()
+            self._block = self._next_block()[::-1].tolist()
         first, second = self._block.pop()
         return first, second
+
+    def pairs(self, count: int) -> FloatArray:
+        """Return the numbers of ``count`` calls of `pair`, shape ``(count, 2)``."""
+        blocks = [np.array(self._block[::-1]).reshape(-1, 2)]
+        while sum(map(len, blocks)) < count:
+            blocks.append(self._next_block())
+        drawn = np.concatenate(blocks)
+        self._block = drawn[count:][::-1].tolist()
+        return drawn[:count]
+
+    def _next_block(self) -> FloatArray:
+        bits = self._bits.random_raw((_BLOCK, 2))
+        # The upper 53 bits as a number from -1 to 1, exactly.
+        points: FloatArray = (bits >> np.uint64(11)).astype(float) * 2.0**-52 - 1.0
+        return points[: make_normal(points)]
 
 
 @compiled
@@ -82,6 +94,45 @@ def make_normal(points: FloatArray) -> int:
             points[count, 0], points[count, 1] = x * factor, y * factor
             count += 1
     return count
+
+
+class Readout(NamedTuple):
+    """
+    A sensor for compiled code, as far as encoder and tip sensor are alike.
+
+    ``latency_ns``, ``line``: see `flexarm_ros.core.sensing.delay`; ``every``: ticks between
+    samples; ``noise_std``, ``resolution``: see `read_out`.
+    """
+
+    latency_ns: int
+    line: Line
+    every: int
+    noise_std: float
+    resolution: float
+
+
+@compiled
+def read_out(
+    a: float, b: float, noise_std: float, first: float, second: float, resolution: float
+) -> tuple[float, float]:
+    """
+    Return the delayed values ``a``, ``b`` as they are read.
+
+    ``first``, ``second``: a pair of `Noise`, not used without noise; ``resolution``: 0 for none.
+    """
+    if noise_std > 0.0:
+        a, b = a + noise_std * first, b + noise_std * second
+    if resolution > 0.0:
+        a, b = _counted(a, resolution), _counted(b, resolution)
+    return a, b
+
+
+@compiled
+def _counted(angle: float, resolution: float) -> float:
+    """Return the angle rounded to the resolution; halves to even, as in IEEE 754."""
+    if abs(angle) < 1e15 * resolution:
+        return float(np.rint(angle / resolution) + 0.0) * resolution  # + 0.0: no negative zero
+    return angle
 
 
 class _Latency:
@@ -114,6 +165,9 @@ class _Latency:
                 raise ValueError(f'{self._key}: {error}') from None
             self.ns = latency_ns
 
+    def record(self) -> Line:
+        return self._line.record()
+
     def step(self, k: int, a: float, b: float, c: float, d: float) -> tuple[int, Sample4]:
         return T0_NS + k * self._period_ns - self.ns, self._line.step(k, a, b, c, d)
 
@@ -125,9 +179,9 @@ class Encoder:
         parameters = config.encoder
         period_ns = Timeline.of(config.run).period_ns
         self._latency = _Latency('encoder', parameters.latency, period_ns, 'buffer')
-        self._noise = Noise(config.run.seed, 'encoder')
+        self.noise = Noise(config.run.seed, 'encoder')
         self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
-        self._offset = parameters.offset if any(parameters.offset) else None
+        self.offset = parameters.offset if any(parameters.offset) else None
 
     def check_latency(self, seconds: float) -> None:
         """Raise ``ValueError`` for a latency that cannot be set during a run."""
@@ -151,19 +205,17 @@ class Encoder:
         stamp, (a, b, c, d) = self._latency.step(
             k, float(q[0]), float(q[1]), float(qd[0]), float(qd[1])
         )
-        if self.noise_std > 0.0:
-            first, second = self._noise.pair()
-            a, b = a + self.noise_std * first, b + self.noise_std * second
-        if self.resolution > 0.0:
-            a, b = _count(a, self.resolution), _count(b, self.resolution)
-        if self._offset is not None:
-            a, b = a + self._offset[0], b + self._offset[1]
+        if self.noise_std > 0.0 or self.resolution > 0.0:
+            pair = self.noise.pair() if self.noise_std > 0.0 else (0.0, 0.0)
+            a, b = read_out(a, b, self.noise_std, *pair, self.resolution)
+        if self.offset is not None:
+            a, b = a + self.offset[0], b + self.offset[1]
         return stamp, a, b, c, d
 
-
-def _count(angle: float, resolution: float) -> float:
-    """Return the angle rounded to the resolution; halves to even, as in IEEE 754."""
-    return round(angle / resolution) * resolution if abs(angle) < 1e15 * resolution else angle
+    def record(self) -> Readout:
+        """Return the sensor for compiled code, with the parameters of this tick."""
+        latency = self._latency
+        return Readout(latency.ns, latency.record(), 1, self.noise_std, self.resolution)
 
 
 class TipSensor:
@@ -181,14 +233,14 @@ class TipSensor:
         parameters, timeline = config.tip_sensor, Timeline.of(config.run)
         check_location(config)
         places = (parameters.location, *(parameters.more_locations or ()))
-        self._point = make_point(config.plant, places[number], parameters.measurand == 'elastic')
+        self.point = make_point(config.plant, places[number], parameters.measurand == 'elastic')
         self._latency = _Latency(
             'tip_sensor', parameters.latency, timeline.period_ns, parameters.latency_model
         )
-        self._noise = Noise(config.run.seed, f'tip_sensor{number or ""}')
+        self.noise = Noise(config.run.seed, f'tip_sensor{number or ""}')
         self._every = ticks_per_sample(parameters.rate, timeline.period_ns)
         self.noise_std = parameters.noise_std
-        self._held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
+        self.held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
 
     def check_latency(self, seconds: float) -> None:
         """Raise ``ValueError`` for a latency that cannot be set during a run."""
@@ -209,13 +261,17 @@ class TipSensor:
 
         Call once per tick, in order, with the plant's state of that tick.
         """
-        stamp, (x, y, vx, vy) = self._latency.step(k, *self._point(q, qd))
+        stamp, (x, y, vx, vy) = self._latency.step(k, *self.point(q, qd))
         if k % self._every == 0:
             if self.noise_std > 0.0:
-                first, second = self._noise.pair()
-                x, y = x + self.noise_std * first, y + self.noise_std * second
-            self._held = (stamp, x, y, vx, vy)
-        return self._held
+                x, y = read_out(x, y, self.noise_std, *self.noise.pair(), 0.0)
+            self.held = (stamp, x, y, vx, vy)
+        return self.held
+
+    def record(self) -> Readout:
+        """Return the sensor for compiled code, with the parameters of this tick."""
+        latency = self._latency
+        return Readout(latency.ns, latency.record(), self._every, self.noise_std, 0.0)
 
 
 def further_sensors(config: RunConfig) -> tuple[TipSensor, ...]:

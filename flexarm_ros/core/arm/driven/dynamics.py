@@ -48,7 +48,7 @@ from flexarm_ros.core.arm.driven.terms import terms
 from flexarm_ros.core.arm.kinematics import elastic_point
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import exp
-from flexarm_ros.core.numerics.linear import solve_symmetric
+from flexarm_ros.core.numerics.linalg import solve_symmetric
 import numpy as np
 from numpy.typing import NDArray
 

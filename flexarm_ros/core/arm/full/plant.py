@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import math
+from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import (
     end_deflections,
@@ -25,8 +26,9 @@ from flexarm_ros.core.arm.full.dynamics import (
     make_work,
     mass_and_bias,
     step,
+    Work,
 )
-from flexarm_ros.core.arm.full.model import DAMPING, make_constants, STIFFNESS
+from flexarm_ros.core.arm.full.model import Constants, DAMPING, make_constants, STIFFNESS
 from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.numerics.linalg import largest_rate
@@ -47,6 +49,18 @@ motion then stays within 1e-6 over 5 s even after torque pulses.
 
 _ANGLES = 25
 """Elbow angles from 0 to pi at which the highest rate is evaluated."""
+
+
+class FullRecord(NamedTuple):
+    """The arguments of `step` beside the torques, for compiled code."""
+
+    constants: Constants
+    q: FloatArray
+    qd: FloatArray
+    step: float
+    substeps: int
+    mass: FloatArray
+    work: Work
 
 
 class FullPlant:
@@ -90,6 +104,12 @@ class FullPlant:
         self.q[:] = q
         self.qd[:] = qd
         self._ends = end_deflections(self.constants.vectors, self.q, self.qd)
+
+    def record(self) -> FullRecord:
+        """Return the plant for compiled code, which advances it in place."""
+        return FullRecord(
+            self.constants, self.q, self.qd, self._step, self.substeps, self._mass, self._work
+        )
 
     def energy(self) -> float:
         """Return the kinetic plus the elastic energy, J."""
