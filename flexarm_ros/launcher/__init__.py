@@ -12,4 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start, supervision and shutdown of the processes of a run, and suites of runs."""
+"""
+Start, supervision and shutdown of the processes of a run, and suites of runs.
+
+Imports every layer but the command line.
+"""

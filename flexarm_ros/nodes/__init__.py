@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ROS 2 nodes of a run, and how their processes start and end."""
+"""
+The ROS 2 nodes of a run, and how their processes start and end.
+
+A node imports `nodes.runtime`, which is the same for all of them, and no other node; besides core,
+wire, scenario and bag.
+"""
 
 from __future__ import annotations
 

@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scenarios: ROS 2 parameter files read, checked and written without ROS."""
+"""
+Scenarios: ROS 2 parameter files, read, checked and written without ROS.
+
+Imports core.
+"""
 
 from flexarm_ros.scenario.errors import ScenarioError
 from flexarm_ros.scenario.locate import find, shipped, shipped_suites, shipped_sweeps

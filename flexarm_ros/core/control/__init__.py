@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Control laws by name: ``controller.law`` of a scenario."""
+"""
+Control laws, by their names in ``controller.law`` of a scenario.
+
+Imports the arm, the sensors, the numerics, the parameters, the timeline and the trajectory.
+"""
 
 from __future__ import annotations
 

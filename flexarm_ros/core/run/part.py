@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a part of a run declares: role, section of the scenario, inputs, topics, columns, answer.
+Interface of the parts of a run: role, section of the scenario, inputs, topics, columns, answer.
 
-A package of a user's derives its own part from `Answer` or from
-`flexarm_ros.core.sensing.sensor.Sensor` and names it by an entry point of the group
+Another package derives its own part from `Answer` or from
+`flexarm_ros.core.sensing.sensor.Sensor` and names it in an entry point of the group
 ``flexarm_ros.parts`` (`flexarm_ros.scenario.plugins`).
 """
 
@@ -47,11 +47,11 @@ class Part:
     ``NAME`` is the role, the section of a scenario and the executable.  ``Parameters`` makes the
     part optional: a frozen dataclass of `flexarm_ros.core.parameters.spec.parameter` fields, the
     keys of its section; without that section in the scenario the part has no process, no topic
-    and no column.  ``READS`` are the topics that it needs of a tick, in the order of `answer`'s
-    arguments, the one that arrives last first.  ``FOR_THE_RECORD`` reads every topic.
-    ``REPLACEABLE``: an external node may fill the role.  ``LATE``: what it publishes is as old as
-    it says, a sensor's sample; otherwise the stamp is the tick's.  ``AHEAD``: it publishes before
-    its time.
+    and no column.  ``READS`` are the topics of a tick that it needs, in the order of `answer`'s
+    arguments; the topic that arrives last comes first.  ``FOR_THE_RECORD``: it reads every topic.
+    ``REPLACEABLE``: an external node may fill the role.  ``LATE``: its messages have the stamp of
+    the measurement, as a sensor's; otherwise that of the tick.  ``AHEAD``: it publishes messages
+    before their tick.
     """
 
     NAME: ClassVar[str]
@@ -64,61 +64,61 @@ class Part:
 
     @classmethod
     def reads(cls, config: RunConfig) -> tuple[str, ...]:
-        """Return the topics that it needs in this scenario: ``READS`` unless overridden."""
+        """Return the topics that this part reads in a scenario: by default ``READS``."""
         return cls.READS
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return what this part publishes at each tick."""
+        """Return the signals that this part publishes at each tick."""
         return ()
 
     @classmethod
     def further_signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return what it publishes beside that, behind the signals of all parts in a bag."""
+        """Return further signals, which follow the `signals` of all parts in a bag."""
         return ()
 
     @classmethod
     def holds(cls, config: RunConfig) -> bool:
-        """Return whether it publishes a sample again until the next one, its stamp too."""
+        """Return whether this part repeats a sample, with its stamp, until the next one."""
         return False
 
     @classmethod
     def columns(cls, config: RunConfig) -> tuple[Column, ...]:
-        """Return its columns of ``trajectory.csv``, those of the required parts left out."""
+        """Return the columns that this optional part adds to ``trajectory.csv``."""
         return ()
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError``, naming the key, where ``config`` does not fit this part."""
+        """Raise ``ValueError``, which names the key, if ``config`` is invalid for this part."""
 
 
 class Answer(Part):
-    """A part that answers each tick's inputs, and does nothing else."""
+    """A part that computes its messages of a tick from its inputs of that tick."""
 
     def __init__(self, config: RunConfig) -> None:
         raise NotImplementedError
 
     def answer(self, k: int, *inputs: Any) -> Any:
         """
-        Return the values of tick ``k``, called once a tick, in order.
+        Return the values of tick ``k``; called once per tick, in order.
 
         ``inputs`` are the values of `reads`, of ``plant/state`` a
-        `flexarm_ros.core.run.state.State`.  The values are a tuple, ``LATE`` with the stamp, ns,
-        in front; a tuple of such where several signals are published.
+        `flexarm_ros.core.run.state.State`.  The result is a tuple of values, preceded by the stamp
+        (ns) if ``LATE``; a tuple of such tuples if the part has several signals.
         """
         raise NotImplementedError
 
     @property
     def title(self) -> str:
-        """Return what it is called where it is at fault."""
+        """Return the name of this part in error messages."""
         return self.NAME
 
     def fault(self, k: int, message: Any) -> str | None:
-        """Return what is wrong with the answer of tick ``k``, so that the run cannot go on."""
+        """Return why the run must end with this answer of tick ``k``, None if it need not."""
         return None
 
     def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` where a live parameter of ``config`` cannot be taken."""
+        """Raise ``ValueError`` if a live parameter of ``config`` is invalid for this part."""
 
     def retune(self, config: RunConfig) -> None:
-        """Take the live parameters of ``config`` from the next tick on."""
+        """Apply the live parameters of ``config`` from the next tick on."""

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 """
-The parts of a run, each declared once: its role, what it reads, what it publishes, how it answers.
+The parts of a run, each declared once: role, inputs, signals and the answer to a tick.
 
-What a run consists of follows from `parts_of` its scenario: the loop in one process, the
-recomputation that proves a bag, the table of topics, the roles of the launcher and of the command
-line, and the nodes that do no more than answer.
+`parts_of` a scenario determines the loop in one process, the recomputation that verifies a bag,
+the table of topics, the roles of the launcher and of the command line, and the answering nodes.
 """
 
 from __future__ import annotations
@@ -49,15 +48,15 @@ from flexarm_ros.core.signals import (
 )
 from flexarm_ros.core.timeline import clock_ticks
 
-# What a part computes with is imported when it is made: the list itself is asked for by each
-# command before it has read its arguments.
+# A part's implementation is imported when the part is created: every command reads the list of
+# parts before it parses its arguments.
 if TYPE_CHECKING:
     from flexarm_ros.core.run.state import Four, State
     from flexarm_ros.core.sensing.sensors import Measurement
 
 
 class PlantPart(Part):
-    """The arm: its state closes the loop."""
+    """The arm, whose state closes the loop."""
 
     NAME = 'plant'
     READS = (COMMAND,)
@@ -94,12 +93,12 @@ class EncoderPart(Answer):
         return self._measure(k, state.positions, state.rates)
 
     def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a latency beyond the history that is kept."""
+        """Raise ``ValueError`` for a latency beyond the stored history."""
         self.sensor.check_latency(config.encoder.latency)
 
 
 class TipSensorPart(Answer):
-    """The sensor of a point of link 2, and those at ``tip_sensor.more_locations``."""
+    """The sensor of a point of link 2, and those of ``tip_sensor.more_locations``."""
 
     NAME = 'tip_sensor'
     READS = (STATE,)
@@ -107,18 +106,18 @@ class TipSensorPart(Answer):
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return the sensed point of the loop."""
+        """Return the sensed point that the controller uses."""
         return (cls._signal(config, ''),)
 
     @classmethod
     def further_signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return the points that are for the record only."""
+        """Return the points that are only recorded."""
         further = range(1, len(config.tip_sensor.more_locations or ()) + 1)
         return tuple(cls._signal(config, f'_{number}') for number in further)
 
     @classmethod
     def holds(cls, config: RunConfig) -> bool:
-        """Return whether there is not a sample at every tick."""
+        """Return whether the rate is lower than that of the ticks."""
         return config.tip_sensor.rate > 0.0
 
     @classmethod
@@ -133,18 +132,18 @@ class TipSensorPart(Answer):
         self._measure, self._alone = self.sensors[0].measure, len(self.sensors) == 1
 
     def answer(self, k: int, state: State) -> Any:
-        """Return stamp, x, y, vx, vy, of each sensor where there are several."""
+        """Return stamp, x, y, vx, vy; a tuple of such tuples with several sensors."""
         q, qd = state.q, state.qd
         if self._alone:
             return self._measure(k, q, qd)
         return tuple([sensor.measure(k, q, qd) for sensor in self.sensors])
 
     def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a latency beyond the history that is kept."""
+        """Raise ``ValueError`` for a latency beyond the stored history."""
         self.sensors[0].check_latency(config.tip_sensor.latency)
 
     def retune(self, config: RunConfig) -> None:
-        """Let the sensors take latency and noise."""
+        """Apply latency and noise to the sensors."""
         for sensor in self.sensors:
             sensor.retune(config)
 
@@ -202,7 +201,7 @@ class ControllerPart(Answer):
 
 
 class RecorderPart(Part):
-    """What writes the bag: it reads every topic."""
+    """The recorder, which reads every topic and writes the bag."""
 
     NAME = 'recorder'
     FOR_THE_RECORD = True
@@ -222,10 +221,9 @@ PLUGINS: dict[str, type[Part]] = {}
 
 def register_part(part: type[Part]) -> None:
     """
-    Let scenarios with a section of the part's name have this part.
+    Add this part to scenarios that have a section of its name.
 
-    The class is taken as it is: who registers it has checked it
-    (`flexarm_ros.scenario.plugins`).
+    The class is not checked here, but where it is loaded (`flexarm_ros.scenario.plugins`).
     """
     assert part.Parameters is not None
     PLUGINS[part.NAME] = part
@@ -238,16 +236,16 @@ for _part in PARTS:
 
 
 def known_parts() -> tuple[type[Part], ...]:
-    """Return every part that a scenario may have, those of other packages before the recorder."""
+    """Return every known part; those of other packages come before the recorder."""
     record = [part for part in PARTS if part.FOR_THE_RECORD]
     return (*(part for part in PARTS if part not in record), *PLUGINS.values(), *record)
 
 
 def parts_of(config: RunConfig) -> tuple[type[Part], ...]:
     """
-    Return the parts of a scenario, each behind those that it reads; the plant closes the loop.
+    Return the parts of a scenario, each after those that it reads; the plant closes the loop.
 
-    Raises ``ValueError`` where none of them publishes what one of them reads.
+    Raises ``ValueError`` if no part publishes a topic that another one reads.
     """
     left = [p for p in known_parts() if p.Parameters is None or config.section(p.NAME) is not None]
     found: list[type[Part]] = []
@@ -257,7 +255,7 @@ def parts_of(config: RunConfig) -> tuple[type[Part], ...]:
         if part is None:
             missing = next(name for name in left[0].reads(config) if name not in published)
             raise ValueError(
-                f'{left[0].NAME}: reads {missing}, which no part of this scenario publishes before'
+                f'{left[0].NAME}: reads {missing}, which no part of this scenario publishes'
             )
         left.remove(part)
         found.append(part)
@@ -266,7 +264,7 @@ def parts_of(config: RunConfig) -> tuple[type[Part], ...]:
 
 
 def roles(config: RunConfig) -> tuple[str, ...]:
-    """Return the roles of a scenario, the recorder's last."""
+    """Return the roles of a scenario; the recorder is the last."""
     return tuple(part.NAME for part in parts_of(config))
 
 
@@ -286,7 +284,7 @@ def answering(config: RunConfig) -> tuple[type[Answer], ...]:
 
 
 def part_of(role: str) -> type[Part]:
-    """Return the part with this role; ``KeyError`` where there is none."""
+    """Return the part with this role; ``KeyError`` if there is none."""
     return {part.NAME: part for part in known_parts()}[role]
 
 
@@ -294,8 +292,8 @@ def signals(config: RunConfig) -> tuple[tuple[type[Part], Signal], ...]:
     """
     Return every signal of a run with its part, in the order of a tick in a bag.
 
-    The required parts' come first, and so have the same places in every scenario; behind them
-    their further signals, then those of optional parts.
+    The signals of required parts come first, so that their positions are the same in every
+    scenario; their further signals and those of optional parts follow.
     """
     parts = parts_of(config)
     required = [part for part in parts if part.Parameters is None]
@@ -312,12 +310,12 @@ def signals(config: RunConfig) -> tuple[tuple[type[Part], Signal], ...]:
 
 
 def place(topic: str) -> int:
-    """Return the place of a required part's topic among `signals`, the same in every scenario."""
+    """Return the index in `signals` of a required part's topic, the same in every scenario."""
     return [signal.name for _, signal in signals(RunConfig())].index(topic)
 
 
 def readers(topic: str, config: RunConfig) -> tuple[str, ...]:
-    """Return the roles that read ``topic``; any is read for the record."""
+    """Return the roles that read ``topic``; the recorder reads every topic."""
     return tuple(
         part.NAME
         for part in parts_of(config)
@@ -331,13 +329,13 @@ def columns(config: RunConfig) -> tuple[Column, ...]:
 
 
 def check_parts(config: RunConfig) -> None:
-    """Raise ``ValueError`` where the scenario does not fit a part, or two parts do not fit."""
+    """Raise ``ValueError`` if the scenario is invalid for a part, or two parts conflict."""
     owners: dict[str, str] = {}
     for part, signal in signals(config):
         if not _TOPIC.fullmatch(signal.name):
-            raise ValueError(f'{part.NAME}: {signal.name!r} is not the name of a topic')
+            raise ValueError(f'{part.NAME}: {signal.name!r} is not a valid topic name')
         if signal.name in owners:
-            raise ValueError(f'{part.NAME}: {owners[signal.name]} publishes {signal.name} too')
+            raise ValueError(f'{part.NAME}: {owners[signal.name]} also publishes {signal.name}')
         owners[signal.name] = part.NAME
     for part in parts_of(config):
         part.check(config)
@@ -348,17 +346,17 @@ Step = Callable[[int], None]
 
 class Answers:
     """
-    The answering parts of one run, wired together in one process.
+    The answering parts of one run, connected in one process.
 
     ``messages`` are those of the last tick, in the order of `signals`, ``LATE`` ones with their
-    stamp; the first two are the plant's: nothing, and the `State`.
+    stamp; the first two are the plant's: none, and the `State`.
     """
 
     def __init__(self, config: RunConfig) -> None:
         self.parts = {part.NAME: part(config) for part in answering(config)}
         wired = signals(config)
         self.places = place = {signal.name: i for i, (_, signal) in enumerate(wired)}
-        """Topic -> its place in ``messages``."""
+        """Topic -> index in ``messages``."""
         self.late = [part.LATE for part, _ in wired]
         """Whether each of ``messages`` has its stamp."""
         self.messages: list[Any] = [None] * len(wired)
@@ -371,7 +369,7 @@ class Answers:
             self._steps.append(self._step(part, reads, writes))
 
     def _step(self, part: Answer, reads: Sequence[int], writes: Sequence[int]) -> Step:
-        """Return what lets ``part`` answer a tick; apart by number of inputs for speed."""
+        """Return the function that lets ``part`` answer a tick; by number of inputs, for speed."""
         answer, messages, inputs = part.answer, self.messages, self._inputs
         first, late = writes[0], part.LATE
 
@@ -404,13 +402,13 @@ class Answers:
         return of_some if reads else of_none
 
     def tick(self, k: int, state: State) -> tuple[Any, ...]:
-        """Let every part answer the plant's ``state`` of tick ``k``; return the messages."""
+        """Let every part answer ``state`` of tick ``k``; return the messages."""
         self.messages[self._state] = self._inputs[self._state] = state
         for step in self._steps:
             step(k)
         return tuple(self.messages)
 
     def retune(self, config: RunConfig) -> None:
-        """Let every part take the live parameters of ``config``."""
+        """Apply the live parameters of ``config`` to every part."""
         for part in self.parts.values():
             part.retune(config)

@@ -15,6 +15,7 @@
 """
 Design of the tip laws before the first tick: plans, gains and filters.
 
-It is computed once, when a law is created, and its results determine the run.  So the rule of the
-loop applies: plain compiled loops, no BLAS or LAPACK, the same bits in every process.
+It is computed once, when a law is created, and its results determine the run.  The rule of the
+loop applies: plain compiled loops, no BLAS or LAPACK, the same bits in every process.  Imports the
+arm, the numerics, the parameters, the timeline and the trajectory.
 """
