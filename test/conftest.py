@@ -47,6 +47,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv('MPLBACKEND', 'Agg')
         if os.environ.get('FLEXARM_TEST_MESSAGE_INFO'):
             patch.setenv('PYTHONPATH', str(STANDIN.parent), prepend=os.pathsep)
+            patch.syspath_prepend(str(STANDIN.parent))  # which `flexarm_here` gives to nodes
         patch.delenv('ROS_DOMAIN_ID', raising=False)
         yield
 

@@ -21,7 +21,7 @@ import re
 import subprocess
 import sys
 
-from nodetools import finish, flexarm, ROLES, start_node, write_scenario
+from nodetools import finish, flexarm_here, ROLES, start_node, write_scenario
 import pytest
 from repository import ROOT
 
@@ -44,7 +44,7 @@ def test_two_runs_at_once_do_not_meet(tmp_path: Path) -> None:
     for name in runs:
         out = tmp_path / f'{name}-simulated'
         words = ('--set', 'duration=0.3', '--no-pictures', '--out', out)
-        assert flexarm('simulate', name, *words).returncode == 0
+        assert flexarm_here('simulate', name, *words).returncode == 0
         mcap = 'bag/bag_0.mcap'
         assert (tmp_path / name / mcap).read_bytes() == (out / mcap).read_bytes()
 
@@ -61,6 +61,8 @@ def test_nodes_that_come_a_minute_apart(tmp_path: Path, ros_domain: int) -> None
     nodes += [start_node(role, file, *(out if role == 'recorder' else [])) for role in rest]
     texts = finish(nodes, 120.0)
     assert [node.returncode for node in nodes] == [0] * len(nodes), texts
-    assert flexarm('simulate', file, '--no-pictures', '--out', tmp_path / 'sim').returncode == 0
+    assert (
+        flexarm_here('simulate', file, '--no-pictures', '--out', tmp_path / 'sim').returncode == 0
+    )
     csv = 'trajectory.csv'
     assert (tmp_path / 'run' / csv).read_bytes() == (tmp_path / 'sim' / csv).read_bytes()

@@ -24,7 +24,7 @@ import subprocess
 import sys
 
 from nettools import Machines, two_machines
-from nodetools import finish, flexarm, ROLES, wait_for, write_scenario
+from nodetools import finish, flexarm_here, ROLES, wait_for, write_scenario
 import pytest
 from repository import ROOT
 
@@ -59,7 +59,7 @@ def start_all(
 
 def check_same(tmp_path: Path, file: Path) -> None:
     """Check that the run's files are those of a simulation."""
-    done = flexarm('simulate', file, '--no-pictures', '--out', tmp_path / 'sim')
+    done = flexarm_here('simulate', file, '--no-pictures', '--out', tmp_path / 'sim')
     assert done.returncode == 0, done.stderr
     for name in ('bag/bag_0.mcap', 'trajectory.csv'):
         assert (tmp_path / 'run' / name).read_bytes() == (tmp_path / 'sim' / name).read_bytes()
@@ -111,5 +111,5 @@ def test_a_cut_link_ends_the_run(tmp_path: Path, ros_domain: int) -> None:
     # Which of its inputs the cut was first to take is chance.
     assert re.search(r'(plant|encoder|tip_sensor): tick \d+: no message on', texts['controller'])
     assert not [text for text in texts.values() if 'Traceback' in text]
-    done = flexarm('verify', tmp_path / 'run')
+    done = flexarm_here('verify', tmp_path / 'run')
     assert done.returncode == 0, done.stdout + done.stderr

@@ -23,7 +23,7 @@ import subprocess
 import sys
 
 from flexarm_ros.core.timeline import T0_NS
-from nodetools import Asker, flexarm
+from nodetools import Asker, flexarm_here
 import pytest
 from repository import ROOT
 from rosbags.highlevel import AnyReader
@@ -39,7 +39,7 @@ def test_nodes_and_simulation_agree_on_time(tmp_path: Path, period_ns: int, tick
     settings = (*HOLD, '--set', f'control_period={period_ns / 1e9!r}',
                 '--set', f'duration={period_ns * ticks / 1e9!r}')  # fmt: skip
     for way in ('run', 'simulate'):
-        done = flexarm(way, 'pd_tip', *settings, '--out', tmp_path / way)
+        done = flexarm_here(way, 'pd_tip', *settings, '--out', tmp_path / way)
         assert done.returncode == 0, done.stderr
     for name in ('bag/bag_0.mcap', 'trajectory.csv'):
         assert (tmp_path / 'run' / name).read_bytes() == (
@@ -61,7 +61,7 @@ def test_a_run_of_more_than_a_day(tmp_path: Path) -> None:
     gains = ('controller.kp=0', 'controller.kd=0', 'tip_sensor.latency=0', 'control_period=1',
              'duration=90000')  # fmt: skip
     words = [word for text in gains for word in ('--set', text)]
-    done = flexarm('simulate', 'pd_tip', *HOLD, *words, '--out', tmp_path / 'run', timeout=600.0)
+    done = flexarm_here('simulate', 'pd_tip', *HOLD, *words, '--out', tmp_path / 'run')
     assert done.returncode == 0, done.stderr
     with open(tmp_path / 'run' / 'trajectory.csv', encoding='utf-8') as file:
         times = [row['t'] for row in csv.DictReader(file)]

@@ -26,7 +26,7 @@ import subprocess
 import sys
 
 from flexarm_ros.launcher.fork.parent import Adopted, can_fork, NotForked, start
-from nodetools import flexarm, wait_for
+from nodetools import flexarm, flexarm_here, wait_for
 import pytest
 from repository import PATH
 
@@ -173,11 +173,11 @@ def test_a_run_with_and_without(
         )
         monkeypatch.setenv('PYTHONPATH', str(folder))
     done = flexarm('run', 'fls_tip', '--set', 'duration=0.3', '--no-pictures',
-                   '--out', tmp_path / 'run')  # fmt: skip
+                        '--out', tmp_path / 'run')  # fmt: skip
     assert done.returncode == 0, done.stderr
     start_log = tmp_path / 'run' / 'logs' / 'start.log'
     assert start_log.exists() is not forks
     if not forks:
         assert 'OSError: not today' in start_log.read_text()
-    done = flexarm('verify', tmp_path / 'run')
+    done = flexarm_here('verify', tmp_path / 'run')
     assert done.returncode == 0, done.stderr

@@ -26,7 +26,7 @@ from typing import Any
 
 from flexarm_ros.launcher.processes import NodeProcesses
 from flexarm_ros.scenario import ScenarioError
-from nodetools import flexarm
+from nodetools import flexarm_here
 import pytest
 from repository import ROOT
 
@@ -84,7 +84,7 @@ def test_a_suite_flies_the_users_node(flexarm_suite: Fly, tmp_path: Path) -> Non
     result = flexarm_suite(tmp_path / 'mine.yaml', nodes={'controller': EXAMPLE})
     assert not result.failures(), result.failures()
     assert result.passed
-    verdict = flexarm('verify', tmp_path / 'mine' / 'killed')
+    verdict = flexarm_here('verify', tmp_path / 'mine' / 'killed')
     assert verdict.returncode == 0, verdict.stdout
     assert 'external, taken as recorded: controller' in verdict.stdout
 
@@ -128,7 +128,7 @@ def test_what_cannot_be_flown_is_an_error(flexarm_run: Fly, tmp_path: Path) -> N
 )
 def test_a_bad_node_is_refused(command: str, given: str, words: str, tmp_path: Path) -> None:
     out = tmp_path / 'out'
-    done = flexarm(
+    done = flexarm_here(
         command, 'pd_tip' if command == 'run' else 'smoke', '--node', given, '--out', out
     )
     assert done.returncode == 2
@@ -140,14 +140,14 @@ def test_a_bad_node_is_refused(command: str, given: str, words: str, tmp_path: P
 @pytest.mark.parametrize('mode', [['--compose'], pytest.param([], marks=pytest.mark.slow)])
 def test_run_starts_and_ends_the_users_node(mode: list[str], tmp_path: Path) -> None:
     command = f'{sys.executable} examples/minimal_controller.py'
-    done = flexarm('run', 'pd_collocated', '--set', 'duration=0.2', '--no-pictures', *mode,
-                   '--node', f'controller={command}', '--out', tmp_path / 'run')  # fmt: skip
+    done = flexarm_here('run', 'pd_collocated', '--set', 'duration=0.2', '--no-pictures', *mode,
+                        '--node', f'controller={command}', '--out', tmp_path / 'run')  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert len((tmp_path / 'run' / 'trajectory.csv').read_text().splitlines()) == 201
     assert re.search(r'^external +controller$', done.stdout, re.MULTILINE)
     summary = json.loads((tmp_path / 'run' / 'summary.json').read_text())
     assert summary['external'] == ['controller'] and 'controller' not in summary['scenario']
-    verdict = flexarm('verify', tmp_path / 'run')
+    verdict = flexarm_here('verify', tmp_path / 'run')
     assert verdict.returncode == 0, verdict.stdout
     assert 'external, taken as recorded: controller' in verdict.stdout
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from nodetools import Asker, finish, flexarm, ROLES, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm_here, ROLES, start_node, wait_for, write_scenario
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -37,7 +37,9 @@ def test_any_order_gives_the_bytes_of_a_simulation(
     nodes = [start_node(role, file, *own.get(role, [])) for role in order]
     texts = finish(nodes)
     assert [node.returncode for node in nodes] == [0] * len(nodes), texts
-    assert flexarm('simulate', file, '--no-pictures', '--out', tmp_path / 'sim').returncode == 0
+    assert (
+        flexarm_here('simulate', file, '--no-pictures', '--out', tmp_path / 'sim').returncode == 0
+    )
     for name in ('bag/bag_0.mcap', 'trajectory.csv'):
         assert (tmp_path / 'run' / name).read_bytes() == (tmp_path / 'sim' / name).read_bytes()
     assert json.loads((tmp_path / 'run' / 'summary.json').read_text())['stable'] is True

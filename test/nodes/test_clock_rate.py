@@ -31,7 +31,7 @@ from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.wire.topics import CLOCK, per_tick_topics
-from nodetools import flexarm
+from nodetools import flexarm_here
 import pytest
 from rosbag2tools import received, write_mcap
 
@@ -136,9 +136,9 @@ def test_left_out_it_changes_no_byte() -> None:
 def test_nodes_record_the_same_bytes(words: list[str], tmp_path: Path, ros_domain: int) -> None:
     sets = ['--set', 'duration=0.26', '--set', 'clock_rate=40', '--no-pictures']
     out, sim = tmp_path / 'run', tmp_path / 'sim'
-    done = flexarm('run', 'fls_mid', *sets, *words, '--domain', ros_domain, '--out', out)
+    done = flexarm_here('run', 'fls_mid', *sets, *words, '--domain', ros_domain, '--out', out)
     assert done.returncode == 0, done.stderr
-    assert flexarm('simulate', 'fls_mid', *sets, '--out', sim).returncode == 0
+    assert flexarm_here('simulate', 'fls_mid', *sets, '--out', sim).returncode == 0
     ours, theirs = ((d / 'bag' / 'bag_0.mcap').read_bytes() for d in (out, sim))
     assert ours == theirs
     rows = ((d / 'trajectory.csv').read_bytes() for d in (out, sim))

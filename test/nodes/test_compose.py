@@ -20,7 +20,7 @@ from pathlib import Path
 import re
 import threading
 
-from nodetools import Asker, flexarm, wait_for
+from nodetools import Asker, flexarm, flexarm_here, wait_for
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -30,7 +30,7 @@ def composed(out: Path, done: list, *words: str) -> threading.Thread:
     """Start a composed run of 1 s on a thread, slow until `hurry`; its end goes to ``done``."""
     command = ('run', 'fls_tip', '--compose', '--rtf', '0.02', '--set', 'duration=1.0',
                '--no-pictures', '--out', out, *words)  # fmt: skip
-    run = threading.Thread(target=lambda: done.append(flexarm(*command)))
+    run = threading.Thread(target=lambda: done.append(flexarm_here(*command)))
     run.start()
     return run
 
@@ -64,8 +64,8 @@ def test_who_listens_gets_every_message(tmp_path: Path, ros_domain: int, rclpy_n
     assert done[0].returncode == 0, done[0].stderr
     # It may have been found a little after the start; from then on nothing is left out.
     assert stamps == list(range(stamps[0], 2_000_000_000, 1_000_000))
-    simulated = flexarm('simulate', 'fls_tip', '--set', 'duration=1.0', '--no-pictures',
-                        '--out', tmp_path / 'sim')  # fmt: skip
+    simulated = flexarm_here('simulate', 'fls_tip', '--set', 'duration=1.0', '--no-pictures',
+                             '--out', tmp_path / 'sim')  # fmt: skip
     assert simulated.returncode == 0
     bags = [(tmp_path / way / 'bag' / 'bag_0.mcap').read_bytes() for way in ('run', 'sim')]
     assert bags[0] == bags[1]

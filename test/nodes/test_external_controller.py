@@ -22,7 +22,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from nodetools import Asker, finish, flexarm, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm, flexarm_here, start_node, wait_for, write_scenario
 import pytest
 from repository import ROOT
 
@@ -45,8 +45,8 @@ def test_the_example_controller_flies_in_lockstep(tmp_path: Path, ros_domain: in
     example = subprocess.Popen([sys.executable, str(EXAMPLE)], cwd=ROOT)
     try:
         out = tmp_path / 'run'
-        done = flexarm('run', 'pd_collocated', '--set', 'duration=0.5', '--without', 'controller',
-                       '--no-pictures', '--out', out)  # fmt: skip
+        words = ('--set', 'duration=0.5', '--without', 'controller', '--no-pictures', '--out', out)
+        done = flexarm_here('run', 'pd_collocated', *words)
         assert done.returncode == 0, done.stderr
         assert example.poll() is None
     finally:
@@ -93,8 +93,8 @@ def test_torques_go_by_name(tmp_path: Path, ros_domain: int) -> None:
     (tmp_path / 'named.py').write_text(NAMED)
     out, names = tmp_path / 'run', "'elbow gripper shoulder'"
     command = f'{sys.executable} {tmp_path / "named.py"} {EXAMPLE.parent} {names}'
-    done = flexarm('run', 'pd_collocated', '--node', f'controller={command}', '--set',
-                   'duration=0.1', '--no-pictures', '--out', out)  # fmt: skip
+    done = flexarm_here('run', 'pd_collocated', '--node', f'controller={command}', '--set',
+                        'duration=0.1', '--no-pictures', '--out', out)  # fmt: skip
     assert done.returncode == 0, done.stderr
     header, first, *_ = (out / 'trajectory.csv').read_text().splitlines()
     cell = dict(zip(header.split(','), map(float, first.split(',')), strict=True))
@@ -109,8 +109,9 @@ def test_a_node_that_sends_nan_is_named_with_the_tick(tmp_path: Path, ros_domain
     (tmp_path / 'broken.py').write_text(BROKEN)
     out = tmp_path / 'run'
     command = f"{sys.executable} {tmp_path / 'broken.py'} {EXAMPLE.parent} 'elbow shoulder'"
-    done = flexarm('run', 'pd_collocated', '--compose', '--node', f'controller={command}', '--set',
-                   'duration=0.1', '--no-pictures', '--out', out)  # fmt: skip
+    words = ('--set', 'duration=0.1', '--no-pictures', '--out', out)
+    given = ('--compose', '--node', f'controller={command}')
+    done = flexarm_here('run', 'pd_collocated', *given, *words)
     assert done.returncode == 1
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['problem'].endswith(
@@ -173,7 +174,7 @@ def test_the_protocol_page_shows_the_example_that_is_tested() -> None:
 def test_our_controller_repeats_a_recorded_run(tmp_path: Path, ros_domain: int) -> None:
     file = write_scenario(tmp_path / 's.yaml', 'fls_mid', 'duration=0.3')
     out = tmp_path / 'run'
-    assert flexarm('simulate', file, '--no-pictures', '--out', out).returncode == 0
+    assert flexarm_here('simulate', file, '--no-pictures', '--out', out).returncode == 0
     controller = start_node('controller', file)
     done = flexarm('replay', out, '--without', 'controller')
     (text,) = finish([controller])
@@ -202,8 +203,8 @@ def test_a_replay_publishes_every_message_again(
         JointState, '/joint_command', lambda m: torques.append(list(m.effort)), 1000
     )
     out = tmp_path / 'run'
-    assert flexarm('simulate', 'pd_tip', '--set', 'duration=0.2', '--no-pictures', '--out', out
-                   ).returncode == 0  # fmt: skip
+    words = ('pd_tip', '--set', 'duration=0.2', '--no-pictures', '--out', out)
+    assert flexarm_here('simulate', *words).returncode == 0
     player = subprocess.Popen(
         [sys.executable, '-m', 'flexarm_ros.cli', 'replay', str(out), '--rate', '2', '--paused'],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,

@@ -24,7 +24,7 @@ from pathlib import Path
 from flexarm_ros.launcher import run
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from nodetools import burners, flexarm
+from nodetools import burners, flexarm_here
 import pytest
 from rosbags.highlevel import AnyReader
 
@@ -43,7 +43,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, command in ways.items():
         busy = burners(2) if name == 'loaded' else []
         try:
-            done = flexarm(*command, 'fls_tip', *SHORT, '--no-pictures', '--out', base / name)
+            done = flexarm_here(*command, 'fls_tip', *SHORT, '--no-pictures', '--out', base / name)
         finally:
             for process in busy:
                 process.kill()
@@ -98,8 +98,10 @@ def test_the_summary_says_how_it_went(runs: dict[str, Path]) -> None:
 @pytest.mark.essential
 def test_an_unstable_run_stops_and_says_so(tmp_path: Path) -> None:
     out = tmp_path / 'run'
-    done = flexarm('run', 'fls_tip_physical', '--no-pictures', '--out', out)
-    simulated = flexarm('simulate', 'fls_tip_physical', '--no-pictures', '--out', tmp_path / 'sim')
+    done = flexarm_here('run', 'fls_tip_physical', '--no-pictures', '--out', out)
+    simulated = flexarm_here(
+        'simulate', 'fls_tip_physical', '--no-pictures', '--out', tmp_path / 'sim'
+    )
     assert done.returncode == simulated.returncode == 1
     assert 'unstable at tick' in done.stderr
     assert json.loads((out / 'summary.json').read_text())['stable'] is False
@@ -122,7 +124,7 @@ def test_an_unstable_run_stops_and_says_so(tmp_path: Path) -> None:
 def test_a_bad_request_starts_and_writes_nothing(
     tmp_path: Path, words: list[str], said: str
 ) -> None:
-    done = flexarm('run', 'fls_tip', *words, '--out', tmp_path / 'run')
+    done = flexarm_here('run', 'fls_tip', *words, '--out', tmp_path / 'run')
     assert done.returncode == 2
     assert said in done.stderr
     assert len(done.stderr.splitlines()) <= 2
@@ -132,7 +134,7 @@ def test_a_bad_request_starts_and_writes_nothing(
 
 def test_a_run_never_overwrites_another(runs: dict[str, Path]) -> None:
     before = (runs['quiet'] / 'bag' / 'bag_0.mcap').read_bytes()
-    done = flexarm('run', 'fls_tip', *SHORT, '--out', runs['quiet'])
+    done = flexarm_here('run', 'fls_tip', *SHORT, '--out', runs['quiet'])
     assert done.returncode == 2
     assert 'not overwritten' in done.stderr
     assert (runs['quiet'] / 'bag' / 'bag_0.mcap').read_bytes() == before
@@ -140,7 +142,7 @@ def test_a_run_never_overwrites_another(runs: dict[str, Path]) -> None:
 
 def test_rtf_holds_the_run_to_the_wall_clock(tmp_path: Path) -> None:
     out = tmp_path / 'run'
-    done = flexarm('run', 'pd_tip', *SHORT, '--rtf', '0.5', '--no-pictures', '--out', out)
+    done = flexarm_here('run', 'pd_tip', *SHORT, '--rtf', '0.5', '--no-pictures', '--out', out)
     assert done.returncode == 0, done.stderr
     # The last tick is due 0.998 s after the first; only being early is a fault here.
     assert json.loads((out / 'summary.json').read_text())['wall_s'] > 0.99
@@ -154,7 +156,7 @@ def test_a_law_with_a_memory_gives_the_same_bytes_in_nodes(tmp_path: Path) -> No
         'one': ['run', '--compose'],
         'none': ['simulate'],
     }.items():
-        done = flexarm(
+        done = flexarm_here(
             *command, 'adaptive_smooth', *short, '--no-pictures', '--out', tmp_path / name
         )
         assert done.returncode == 0, done.stderr

@@ -33,7 +33,7 @@ from flexarm_ros import scenario
 from flexarm_ros.core.arm.arm_line import ArmLine
 from flexarm_ros.core.arm.kinematics import rigid_point
 from flexarm_ros.nodes.view.urdf import transforms, urdf
-from nodetools import Asker, flexarm, wait_for
+from nodetools import Asker, flexarm, flexarm_here, wait_for
 import numpy as np
 import pytest
 from repository import ROOT
@@ -150,8 +150,8 @@ def test_a_run_does_not_wait_for_a_viewer_that_stands_still(
     pytest.importorskip('foxglove', reason='foxglove-sdk is an optional extra')
     process, _ = viewer
     os.kill(process.pid, signal.SIGSTOP)
-    done = flexarm('run', 'pd_tip', '--set', 'duration=1.2', '--domain', ros_domain,
-                   '--no-pictures', '--out', tmp_path / 'run')  # fmt: skip
+    done = flexarm_here('run', 'pd_tip', '--set', 'duration=1.2', '--domain', ros_domain,
+                        '--no-pictures', '--out', tmp_path / 'run')  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert len(rows_of(tmp_path / 'run')) == 1200
 

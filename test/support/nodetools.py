@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import contextlib
+import io
 import os
 from pathlib import Path
 import subprocess
@@ -24,6 +26,7 @@ import sys
 import threading
 import time
 
+from flexarm_ros.cli import main
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import PARTS, roles
 from repository import ROOT
@@ -38,6 +41,23 @@ def flexarm(*words: str | Path, timeout: float = 120.0) -> subprocess.CompletedP
         [sys.executable, '-m', 'flexarm_ros.cli', *map(str, words)],
         capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False,
     )  # fmt: skip
+
+
+def flexarm_here(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """
+    Run the command line in this process, which has everything imported: 1.3 s less of CPU time.
+
+    Not for a test of what a process has to itself: its environment (nodes get its ``sys.path``),
+    its streams, its end.
+    """
+    out, errors, place = io.StringIO(), io.StringIO(), Path.cwd()
+    os.chdir(ROOT)
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+            status = main([*map(str, words)])
+    finally:
+        os.chdir(place)
+    return subprocess.CompletedProcess(words, status, out.getvalue(), errors.getvalue())
 
 
 def start_node(role: str, parameters: Path, *words: str) -> subprocess.Popen[str]:

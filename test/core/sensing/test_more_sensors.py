@@ -26,7 +26,7 @@ from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.wire.topics import COMMAND, TIP
-from nodetools import flexarm, start_node, wait_for, write_scenario
+from nodetools import flexarm_here, start_node, wait_for, write_scenario
 import numpy as np
 import pytest
 
@@ -70,8 +70,8 @@ def test_they_are_recorded_and_verified(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('place', ['4.4', '9.1'])
 def test_a_place_beyond_link_2_is_refused(tmp_path: Path, place: str) -> None:
-    done = flexarm('simulate', 'fls_tip', '--set', f'tip_sensor.more_locations=[9.0, {place}]',
-                   '--out', tmp_path / 'run')  # fmt: skip
+    words = ('--set', f'tip_sensor.more_locations=[9.0, {place}]', '--out', tmp_path / 'run')
+    done = flexarm_here('simulate', 'fls_tip', *words)
     assert done.returncode == 2
     assert 'tip_sensor.more_locations' in done.stderr
     assert 'allowed: 4.5 (elbow) to 9.0 m (tip)' in done.stderr
@@ -82,7 +82,7 @@ def test_a_place_beyond_link_2_is_refused(tmp_path: Path, place: str) -> None:
 def test_every_way_of_flying_gives_the_same_bytes(tmp_path: Path) -> None:
     words = [word for text in (*SETS, 'tip_sensor.noise_std=0.01') for word in ('--set', text)]
     for way in (['simulate'], ['run'], ['run', '--compose']):
-        done = flexarm(*way, 'fls_tip', *words, '--no-pictures', '--out', tmp_path / way[-1])
+        done = flexarm_here(*way, 'fls_tip', *words, '--no-pictures', '--out', tmp_path / way[-1])
         assert done.returncode == 0, done.stderr
     bags = [file.read_bytes() for file in tmp_path.glob('*/bag/bag_0.mcap')]
     assert len(bags) == 3

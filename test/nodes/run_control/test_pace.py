@@ -25,7 +25,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.checks.digest import digest_of
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.scenario.sweeps.axes import Parameter
-from nodetools import Asker, finish, flexarm, start_node, wait_for
+from nodetools import Asker, finish, flexarm_here, start_node, wait_for
 import pytest
 from repository import ROOT
 
@@ -65,8 +65,8 @@ def test_the_pace_is_read_and_is_no_part_of_the_numbers(file: Path, tmp_path: Pa
     bags = []
     for number, more in enumerate(([], ['--set', 'start_paused=true'])):
         out = tmp_path / str(number)
-        done = flexarm('simulate', 'pd_tip', '--set', 'duration=0.1', *more, '--no-pictures',
-                       '--out', out)  # fmt: skip
+        done = flexarm_here('simulate', 'pd_tip', '--set', 'duration=0.1', *more, '--no-pictures',
+                            '--out', out)  # fmt: skip
         assert done.returncode == 0, done.stderr
         bags.append((out / 'bag' / 'bag_0.mcap').read_bytes())
     assert bags[0] == bags[1]
@@ -135,9 +135,9 @@ def test_a_run_begins_paused(
         f'begins paused; to begin: ROS_DOMAIN_ID={ros_domain} ros2 service call /plant/pause '
         "std_srvs/srv/SetBool '{data: false}'\n"
     ) in text
-    assert flexarm('simulate', file, '--no-pictures', '--out', sim).returncode == 0
+    assert flexarm_here('simulate', file, '--no-pictures', '--out', sim).returncode == 0
     assert digest_of(out) == digest_of(sim)
-    assert flexarm('verify', out).returncode == 0
+    assert flexarm_here('verify', out).returncode == 0
 
 
 @pytest.mark.nodes

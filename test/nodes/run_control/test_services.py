@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 import threading
 
-from nodetools import Asker, flexarm, wait_for
+from nodetools import Asker, flexarm, flexarm_here, wait_for
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -80,8 +80,8 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
         run.join(120)
     assert done[0].returncode == 0, done[0].stderr
     assert (tmp_path / 'run' / 'bag-before-reset-1' / 'metadata.yaml').exists()
-    fresh = flexarm('simulate', 'pd_tip', '--set', 'duration=1.0', '--no-pictures',
-                    '--out', tmp_path / 'fresh')  # fmt: skip
+    fresh = flexarm_here('simulate', 'pd_tip', '--set', 'duration=1.0', '--no-pictures',
+                         '--out', tmp_path / 'fresh')  # fmt: skip
     assert fresh.returncode == 0, fresh.stderr
     for file in ('bag/bag_0.mcap', 'trajectory.csv'):
         assert (tmp_path / 'run' / file).read_bytes() == (tmp_path / 'fresh' / file).read_bytes()

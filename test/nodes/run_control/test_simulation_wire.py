@@ -21,7 +21,7 @@ from pathlib import Path
 import threading
 from typing import Any
 
-from nodetools import Asker, flexarm, wait_for
+from nodetools import Asker, flexarm, flexarm_here, wait_for
 import pytest
 
 REASON = 'simulation_interfaces is not installed (ros-DISTRO-simulation-interfaces)'
@@ -49,8 +49,8 @@ def asker(tmp_path: Path, rclpy_node: Any) -> Iterator[Asker]:
     finally:
         run.join(120)
     assert done[0].returncode == 0, done[0].stderr
-    fresh = flexarm('simulate', 'pd_tip', '--set', 'duration=0.5', '--no-pictures',
-                    '--out', tmp_path / 'fresh')  # fmt: skip
+    fresh = flexarm_here('simulate', 'pd_tip', '--set', 'duration=0.5', '--no-pictures',
+                         '--out', tmp_path / 'fresh')  # fmt: skip
     assert fresh.returncode == 0, fresh.stderr
     for file in ('bag/bag_0.mcap', 'trajectory.csv'):
         assert (tmp_path / 'run' / file).read_bytes() == (tmp_path / 'fresh' / file).read_bytes()

@@ -20,7 +20,7 @@ import json
 from pathlib import Path
 import threading
 
-from nodetools import Asker, flexarm, wait_for
+from nodetools import Asker, flexarm, flexarm_here, wait_for
 import pytest
 
 pytestmark = pytest.mark.nodes
@@ -75,12 +75,12 @@ def test_live_parameters_change_at_a_tick_and_are_on_record(
     summary = json.loads((out / 'summary.json').read_text())
     assert [c['key'] for c in summary['changes']] == [c.key for c in found]
     assert summary['scenario']['controller']['kp'] == 150.79  # what it began with
-    verified = flexarm('verify', out)
+    verified = flexarm_here('verify', out)
     assert verified.returncode == 0, verified.stdout
     assert 'closed loop  6000 messages the same' in verified.stdout
     # And the changes did something: without them another run comes out.
-    fresh = flexarm('simulate', 'fls_tip', '--set', 'duration=1.0', '--no-pictures',
-                    '--out', tmp_path / 'fresh')  # fmt: skip
+    fresh = flexarm_here('simulate', 'fls_tip', '--set', 'duration=1.0', '--no-pictures',
+                         '--out', tmp_path / 'fresh')  # fmt: skip
     assert fresh.returncode == 0
     ours, theirs = ((p / 'trajectory.csv').read_text().splitlines() for p in
                     (out, tmp_path / 'fresh'))  # fmt: skip

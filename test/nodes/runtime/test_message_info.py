@@ -30,7 +30,7 @@ import threading
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.status import Phase, Status, StatusBoard
 from flexarm_ros.nodes.runtime.topics.channels import Input
-from nodetools import finish, flexarm, start_node, wait_for, write_scenario
+from nodetools import finish, flexarm, flexarm_here, start_node, wait_for, write_scenario
 import pytest
 from repository import STANDIN
 
@@ -39,6 +39,20 @@ pytestmark = pytest.mark.nodes
 VARIABLE = 'FLEXARM_TEST_MESSAGE_INFO'
 KINDS = ('none', 'handle unnumbered', 'none unnumbered')
 """Jazzy's rclpy; Cyclone DDS; the least that is thinkable."""
+
+each_way = pytest.mark.parametrize(
+    ('kind', 'way'),
+    [
+        *(pytest.param(kind, [], id=f'six processes-{kind}') for kind in KINDS),
+        pytest.param(KINDS[-1], ['--compose'], id=f'composed-{KINDS[-1]}'),
+        *(
+            pytest.param(kind, ['--compose'], id=f'composed-{kind}', marks=pytest.mark.slow)
+            for kind in KINDS[:-1]
+        ),
+    ],
+    indirect=['kind'],
+)
+"""Composed nodes hand most messages over themselves: the least that is told of them will do."""
 
 PROBE = """
 import rclpy
@@ -68,15 +82,14 @@ def test_a_node_measures_what_messages_tell(kind: str, ros_domain: int) -> None:
     assert done.stdout == kind.split()[0] + '\n', done.stderr
 
 
-@pytest.mark.parametrize('kind', KINDS, indirect=True)
-@pytest.mark.parametrize('way', [[], ['--compose']], ids=['six processes', 'composed'])
+@each_way
 def test_a_run_has_the_bytes_of_a_simulation(
     kind: str, way: list[str], tmp_path: Path, ros_domain: int
 ) -> None:
     words = ('pd_tip', '--set', 'duration=0.3', '--no-pictures', '--out')
     done = flexarm('run', *words[:3], *way, *words[3:], tmp_path / 'run')
     assert done.returncode == 0, done.stderr
-    assert flexarm('simulate', *words, tmp_path / 'sim').returncode == 0
+    assert flexarm_here('simulate', *words, tmp_path / 'sim').returncode == 0
     bags = [(tmp_path / name / 'bag' / 'bag_0.mcap').read_bytes() for name in ('run', 'sim')]
     assert bags[0] == bags[1]
 
@@ -99,8 +112,7 @@ def test_one_of_two_plants_of_one_name_is_refused(
             node.communicate()
 
 
-@pytest.mark.parametrize('kind', KINDS, indirect=True)
-@pytest.mark.parametrize('way', [[], ['--compose']], ids=['six processes', 'composed'])
+@each_way
 def test_a_publisher_outside_the_run_is_noticed(
     kind: str, way: list[str], tmp_path: Path, ros_domain: int, rclpy_node
 ) -> None:
@@ -215,7 +227,7 @@ def test_nodes_that_never_met_are_started_again(
     assert run.wait(60) == 0, said
     (again,) = [line for line in said if 'starting the nodes again' in line]
     assert 'is not connected within 4 s (publishers found: /' in again
-    assert flexarm('verify', tmp_path / 'run').returncode == 0
+    assert flexarm_here('verify', tmp_path / 'run').returncode == 0
     logs = (tmp_path / 'run' / 'logs-first-start').glob('*.log')
     assert any('not connected' in log.read_text() for log in logs)
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import subprocess
 import sys
 
-from nodetools import Asker, finish, flexarm, ROLES, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm_here, ROLES, start_node, wait_for, write_scenario
 import pytest
 from repository import ROOT
 
@@ -97,7 +97,7 @@ def test_two_arms_fly_in_lockstep_each(
     assert value(plant, 'rejected messages') == '0'
     for arm, file in files.items():
         sim = tmp_path / f'sim_{arm}'
-        assert flexarm('simulate', file, '--no-pictures', '--out', sim).returncode == 0
+        assert flexarm_here('simulate', file, '--no-pictures', '--out', sim).returncode == 0
         ours, theirs = ((d / 'trajectory.csv').read_bytes() for d in (tmp_path / arm, sim))
         assert ours == theirs
 
@@ -121,7 +121,7 @@ def test_two_arms_of_the_command_line(tmp_path: Path, ros_domain: int) -> None:
     assert found == {'left-fls_tip', 'right-arm-pd_mid'}
     for directory, name in (('left-fls_tip', 'fls_tip'), ('right-arm-pd_mid', 'pd_mid')):
         sim = tmp_path / name
-        flexarm('simulate', name, '--set', 'duration=0.2', '--no-pictures', '--out', sim)
+        flexarm_here('simulate', name, '--set', 'duration=0.2', '--no-pictures', '--out', sim)
         assert digest_of(tmp_path / 'runs' / directory) == digest_of(sim)
 
 
@@ -145,7 +145,7 @@ def test_a_recorder_by_hand_names_its_directory_by_the_namespace(
 @pytest.mark.parametrize('given', ['a b', '1a', 'a//b', 'a/', 'é', 'a-b'])
 def test_a_namespace_that_ros_refuses(given: str) -> None:
     for words in (['run', 'pd_tip'], ['replay', 'nosuch'], ['view']):
-        done = flexarm(*words, '--namespace', given)
+        done = flexarm_here(*words, '--namespace', given)
         assert done.returncode == 2
         (line,) = done.stderr.splitlines()
         assert line.startswith(f'flexarm {words[0]}: error: --namespace {given}: not a namespace')

@@ -21,7 +21,7 @@ import subprocess
 import sys
 
 from flexarm_ros import scenario
-from nodetools import Asker, finish, flexarm, ROLES, start_node, wait_for, write_scenario
+from nodetools import Asker, finish, flexarm_here, ROLES, start_node, wait_for, write_scenario
 import pytest
 import yaml
 
@@ -45,7 +45,9 @@ def test_launchs_parameters_of_each_node_make_a_run(tmp_path: Path, ros_domain: 
     sets = ['duration=0.3', 'plant.length=[4.5, 4.6]', 'controller.kp=80', 'encoder.latency=0.001']
     words = [word for text in sets for word in ('--set', text)]
     sim = tmp_path / 'sim'
-    assert flexarm('simulate', 'fls_tip', *words, '--no-pictures', '--out', sim).returncode == 0
+    assert (
+        flexarm_here('simulate', 'fls_tip', *words, '--no-pictures', '--out', sim).returncode == 0
+    )
     sections = scenario.to_dict(scenario.load('fls_tip', sets))
     nodes = []
     for number, role in enumerate(ROLES):
@@ -100,7 +102,7 @@ def test_a_dump_of_every_node_gives_the_run_again(
 def test_a_dump_of_the_player_plays_again(tmp_path: Path, ros_domain: int) -> None:
     sim = tmp_path / 'sim'
     words = ('--set', 'duration=0.1', '--no-pictures', '--out', sim)
-    assert flexarm('simulate', 'fls_tip', *words).returncode == 0
+    assert flexarm_here('simulate', 'fls_tip', *words).returncode == 0
     section = launch_file(
         tmp_path / 'p.yaml', '/player', {'bag': str(sim), 'rate': 2, 'paused': True}
     )

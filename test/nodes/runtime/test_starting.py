@@ -26,7 +26,7 @@ from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import connects, shown
 from flexarm_ros.nodes.runtime.joining.status import HEARD, Phase
 from flexarm_ros.nodes.runtime.topics.graph import qos_profile
-from nodetools import finish, flexarm, ROLES, start_node, wait_for, write_scenario
+from nodetools import finish, flexarm, flexarm_here, ROLES, start_node, wait_for, write_scenario
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from repository import ROOT
@@ -88,8 +88,9 @@ def test_an_endpoint_that_cannot_connect_is_named(
 ) -> None:
     # Whatever takes longer than 20 s after the last newcomer says that instead.
     out = tmp_path / 'run'
-    done = flexarm('run', 'pd_collocated', '--set', 'start_timeout=20', '--no-pictures',
-                   '--node', f'controller={external(tmp_path, kind)}', '--out', out)  # fmt: skip
+    words = ('--set', 'start_timeout=20', '--no-pictures', '--out', out)
+    node = f'controller={external(tmp_path, kind)}'
+    done = flexarm_here('run', 'pd_collocated', *words, '--node', node)
     assert done.returncode == 1
     assert f'flexarm run: controller: start: {SAID[kind]}\n' in done.stderr
 
@@ -99,7 +100,7 @@ def test_a_replay_names_a_controller_that_cannot_connect(
     kind: str, tmp_path: Path, ros_domain: int
 ) -> None:
     out = tmp_path / 'run'
-    flexarm('simulate', 'pd_tip', '--set', 'duration=0.1', '--no-pictures', '--out', out)
+    flexarm_here('simulate', 'pd_tip', '--set', 'duration=0.1', '--no-pictures', '--out', out)
     controller = subprocess.Popen(shlex.split(external(tmp_path, kind)))
     try:
         done = flexarm('replay', out, '--without', 'controller', timeout=50.0)
@@ -117,8 +118,8 @@ def test_a_listener_that_hears_nothing_stops_no_run(
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_subscription(JointState, 'plant/state', lambda _: None, latched)
     out = tmp_path / 'run'
-    done = flexarm('run', 'pd_tip', '--compose', '--set', 'duration=0.1', '--no-pictures',
-                   '--domain', ros_domain, '--out', out)  # fmt: skip
+    done = flexarm_here('run', 'pd_tip', '--compose', '--set', 'duration=0.1', '--no-pictures',
+                        '--domain', ros_domain, '--out', out)  # fmt: skip
     assert done.returncode == 0, done.stderr
     log = (out / 'logs' / 'compose.log').read_text()
     assert 'a subscription gets no messages: plant/state: incompatible QoS of /test_node: ' in log
