@@ -57,7 +57,8 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument(
         '--rtf', type=_positive, default=0.0, metavar='X',
-        help='limit the run to X times real time (default: /**.real_time_factor)',
+        help='limit the run to X times real time (default: /**.real_time_factor); with '
+        '--set sync=free: its speed (default 1)',
     )  # fmt: skip
     parser.add_argument('--compose', action='store_true', help='run all nodes in one process')
     domain.add_option(parser, 'a free one')
