@@ -30,6 +30,8 @@ from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
+Pair = tuple[float, float]
+
 FULL_PHASE = 0.33
 """As ``ACCURATE_PHASE``, for the full model, whose fastest coordinates hardly move."""
 
@@ -38,10 +40,16 @@ class DrivenPlant:
     """
     An arm with friction and drives; see `flexarm_ros.core.arm.plant.Plant`.
 
-    ``highest``: its highest rate, 1/s.  Raises ``ValueError`` if ``plant.substeps`` is too small.
+    ``highest``: its highest rate, 1/s.  ``bandwidth``: of the drives, Hz, 0: none; ``backlash``,
+    rad: the drive of a joint with one is its hub inertia.  ``drives`` ``(2, 2)``: angles and
+    rates of the drives, rad, rad/s, seen at the joints; a view.  Raises ``ValueError`` if
+    ``plant.substeps`` is too small.
     """
 
-    def __init__(self, config: RunConfig, highest: float) -> None:
+    def __init__(
+        self, config: RunConfig, highest: float, bandwidth: Pair = (0.0, 0.0),
+        backlash: Pair = (0.0, 0.0),
+    ) -> None:  # fmt: skip
         plant, period = config.plant, Timeline.of(config.run).period
         self.names = coordinate_names(plant.modes)
         self.limits = deflection_limits(plant)
@@ -51,18 +59,29 @@ class DrivenPlant:
             self.substeps = max(1, math.ceil(highest * period / phase))
         self._step = period / self.substeps
         size = len(self.names)
-        self._pos, self._vel = np.zeros(size + 2), np.zeros(size + 2)
+        state = np.zeros((2, size + 2))
+        self._pos, self._vel = state
         self.q: FloatArray = self._pos[:size]
         self.qd: FloatArray = self._vel[:size]
+        self.drives: FloatArray = state[:, size:]
         self._terms = make_terms(plant, plant.payload_mass)
-        self._rig = _rig(plant)
+        self._rig = _rig(plant, bandwidth, backlash)
         self._scratch = make_scratch(size)
         self._torque, self._target = np.zeros(2), np.zeros(2)
         self._bends = _bends(plant)
 
-    def step(self, tau1: float, tau2: float) -> None:
-        """Advance by one tick with the joint torques, N m, held."""
-        self._target[0], self._target[1] = tau1, tau2
+    def step(
+        self, tau1: float, tau2: float, target1: float | None = None, target2: float | None = None
+    ) -> None:
+        """
+        Advance by one tick with the drives' torques, N m.
+
+        They are held, or with targets at the start of the tick, from where they approach the
+        targets with the drives' bandwidth.
+        """
+        self._torque[0], self._torque[1] = tau1, tau2
+        self._target[0] = tau1 if target1 is None else target1
+        self._target[1] = tau2 if target2 is None else target2
         step_driven(
             self._terms, self._rig, self._pos, self._vel, self._torque, self._target, self._step,
             self.substeps, self._scratch,
@@ -74,20 +93,24 @@ class DrivenPlant:
         return found
 
     def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
-        """Overwrite the state, shapes ``(2 + 2 modes,)``; drives move with their joints."""
+        """Overwrite the state, shapes ``(2 + 2 modes,)``; drives are amid their gaps, as fast."""
         self.q[:] = q
         self.qd[:] = qd
-        self._pos[-2:], self._vel[-2:] = self.q[:2], self.qd[:2]
+        self.drives[0], self.drives[1] = self.q[:2], self.qd[:2]
 
 
-def _rig(plant: PlantParameters) -> Rig:
+def _rig(plant: PlantParameters, bandwidth: Pair, backlash: Pair) -> Rig:
     negative = plant.coulomb_friction_negative or plant.coulomb_friction
     tip = make_point(plant, plant.spans[0] + plant.spans[1], elastic=True)
-    zeros = np.zeros(2)
+    gap = 0.5 * np.array(backlash, dtype=float)
     return Rig(
-        np.array([plant.coulomb_friction, negative], dtype=float).T.copy(), zeros, zeros, zeros,
-        tip.shapes, tip.shortening,
-    )  # fmt: skip
+        np.array([plant.coulomb_friction, negative], dtype=float).T.copy(),
+        np.where(gap > 0.0, np.array(plant.hub_inertia, dtype=float), 0.0),
+        gap,
+        2.0 * math.pi * np.array(bandwidth, dtype=float),
+        tip.shapes,
+        tip.shortening,
+    )
 
 
 @compiled

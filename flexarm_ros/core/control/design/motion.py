@@ -52,7 +52,7 @@ APART = 0.1
 
 
 def model_of(config: RunConfig) -> PlantParameters:
-    """Return the controller's model of the arm: the plant's values by default."""
+    """Return the controller's model of the arm: the plant's values by default, no friction."""
     plant, own = config.plant, config.controller
     return replace(
         plant,
@@ -60,6 +60,9 @@ def model_of(config: RunConfig) -> PlantParameters:
         modes=own.model_modes or plant.modes,
         flexural_rigidity=own.model_flexural_rigidity or plant.flexural_rigidity,
         mass_density=own.model_mass_density or plant.mass_density,
+        viscous_friction=(0.0, 0.0),
+        coulomb_friction=(0.0, 0.0),
+        coulomb_friction_negative=None,
         substeps=None,
     )
 
