@@ -243,7 +243,7 @@ class BagReader:
             yield self._decode(first, rows)
 
     def _filled(self, tick: int, held: list[bytes | None]) -> Iterator[bytes | None]:
-        """Yield the messages of a tick, with a bare stamp where a topic has none by design."""
+        """Yield the messages of a tick, a bare stamp where a topic has none."""
         for topic, data in zip(self.topics, held, strict=True):
             due = data is not None or topic.due(tick)
             yield data if due else topic.codec.encode(self.timeline.stamp_ns(tick))

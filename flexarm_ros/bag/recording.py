@@ -126,7 +126,7 @@ def finish_run(
 
     A bag that was cut off (recorder killed, disk full) is rescued first, and the damaged one
     kept beside it; ``work`` receives the progress.  The bag states which nodes were external;
-    ``external`` is what is known where there is none.
+    ``external`` is used if the bag states none.
     """
     provenance = Provenance.here(name, external)
     metrics = Metrics(config).result()

@@ -116,7 +116,7 @@ def run_scenario(
     ``work`` receives the progress of the bag's recovery, ``timing`` the timing of a free-running
     run so far; ``beside`` returns, for the ROS domain, a context that lasts as long as the nodes
     run.  Raises NoDomainError, OSError or
-    BagError before anything is started, BagError too where the files of a run without a
+    BagError before anything is started, BagError too if the files of a run without a
     problem cannot be finished.
     """
     check_roles(options.without, config)
@@ -196,7 +196,7 @@ def finish(
     """
     Write what is left to write when all nodes have ended; return how the run went.
 
-    Raises BagError where that cannot be done and nothing else is wrong.
+    Raises BagError if that fails and the run has no other problem.
     """
     outcome = RunOutcome(directory, problem=nodes.blame(interrupted), interrupted=interrupted)
     report = nodes.report
@@ -322,7 +322,7 @@ def _supervise(
     """
     Watch the nodes until all have left; True where ``stop`` ended the run.
 
-    ``broken_off`` is called where a node has made it fail, before the nodes are ended.
+    ``broken_off`` is called if a node has made it fail, before the nodes are ended.
     """
     total = round(config.run.duration / config.run.control_period)
     leaving = _Leaving(max(LEAVING_S, config.run.tick_timeout))

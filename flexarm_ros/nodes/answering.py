@@ -51,7 +51,7 @@ class AnsweringNode(Participant):
         copy.deepcopy(self._part).answer(0, *self._views(zeros))
 
     def check_live(self, config: RunConfig) -> None:
-        """Raise ValueError where the part cannot take a live parameter of ``config``."""
+        """Raise ValueError if a live parameter of ``config`` is invalid for the part."""
         self._part.check_live(config)
 
     def retune(self, config: RunConfig) -> None:

@@ -139,7 +139,7 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
             executor.shutdown(timeout_sec=1.0)
             services.join(timeout=1.0)
             for node in nodes:
-                node.tell_invalid()
+                node.log_invalid()
                 node.destroy_node()
     return status
 

@@ -160,7 +160,7 @@ def get(options: argparse.Namespace) -> int:
 
 
 def set_parameter(options: argparse.Namespace) -> int:
-    """Set a parameter from YAML text; the reason goes to stderr where the node refuses."""
+    """Set a parameter from YAML text; the reason goes to stderr if the node refuses it."""
     value = get_parameter_value(options.value)
     with session.node(options, discover=False) as looker:
         client = found_client(looker, options)

@@ -99,7 +99,7 @@ def field(message: Any, path: str) -> Any:
 
 
 def fill(message: Any, values: Any) -> None:
-    """Set the fields of a message from parsed YAML; RuntimeError where one is wrong."""
+    """Set the fields of a message from parsed YAML; RuntimeError if one is invalid."""
     for name, value in (values or {}).items():
         try:
             current = getattr(message, name)

@@ -63,7 +63,7 @@ class NodeName:
     """Keys that do not belong to a scenario."""
     others: Mapping[str, Collection[str]] = field(default_factory=dict)
     """Such keys of the package's other nodes, by role."""
-    flies: bool = True
+    in_run: bool = True
     """Whether the node reads a scenario; if not, it reads its own keys only."""
 
 
@@ -179,7 +179,7 @@ def read_node(
     sections = read_sections(files)
     assignments = list(assignments)
     found = NodeParameters()
-    if node.flies:
+    if node.in_run:
         named_parts(sections)
         _find_laws(sections, node, assignments)
         if find_section(node.role) and is_optional(node.role):
@@ -258,8 +258,8 @@ def _take(
     found: NodeParameters, node: NodeName, section: str, keys: Section, shared: Files = ()
 ) -> None:
     """Add a section's keys to what the node has."""
-    known = keys_of(node.role) if node.flies and node.role in SECTIONS else {}
-    run = keys_of(WHOLE_RUN) if node.flies else {}
+    known = keys_of(node.role) if node.in_run and node.role in SECTIONS else {}
+    run = keys_of(WHOLE_RUN) if node.in_run else {}
     for key, given in keys.items():
         if key in node.own:
             before = found.own.get(key)

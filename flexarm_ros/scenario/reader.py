@@ -245,7 +245,7 @@ def known_keys(section: str) -> dict[str, tuple[str, Spec, Any]]:
 
 
 def _place(section: str, key: str) -> tuple[str, str]:
-    """Return where a key's value is held: those of `PaceParameters` may stand in two sections."""
+    """Return the section of a key's value: a key of `PaceParameters` may be in two sections."""
     return (WHOLE_RUN if key in PACE else section), key
 
 
@@ -337,7 +337,7 @@ def is_of_ros(key: str) -> bool:
 
 
 def _check_of_ros(name: str, value: Tree) -> None:
-    """Raise ScenarioError where one of the switches of a ROS 2 node is neither true nor false."""
+    """Raise ScenarioError if a bool parameter of a ROS 2 node is neither true nor false."""
     switch = 'qos_overrides' not in name
     if switch and not (isinstance(value, Scalar) and isinstance(value.value, bool)):
         raise ScenarioError(f'{clip(name)}: {show(value)} is not allowed: true or false')

@@ -37,7 +37,7 @@ from flexarm_ros.cli.runs.suite_table import print_result
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.launcher.junit import write_junit
 from flexarm_ros.launcher.suite import CaseResult, judge
-from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections, told_config
+from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections, published_config
 from flexarm_ros.scenario.suites import suite
 import numpy as np
 import pytest
@@ -168,6 +168,6 @@ def test_a_viewer_shows_no_gain_of_ours_beside_an_external_controller() -> None:
 
     own = scenario.load('fls_tip')
     told = {role: (role, dump_sections(own, role)) for role in ('plant', 'controller')}
-    assert gain_of(told_config(RunConfig(), told), 0.1, 0.1) > 1.0 / 6.0
+    assert gain_of(published_config(RunConfig(), told), 0.1, 0.1) > 1.0 / 6.0
     del told['controller']
-    assert np.isnan(gain_of(told_config(own, told), 0.1, 0.1))
+    assert np.isnan(gain_of(published_config(own, told), 0.1, 0.1))

@@ -284,7 +284,7 @@ def test_a_peer_names_no_module_to_import(named: Named) -> None:
         Disagreement,
         dump_sections,
         merge_sections,
-        told_config,
+        published_config,
     )
 
     told = json.loads(dump_sections(RunConfig(), 'controller'))
@@ -293,7 +293,7 @@ def test_a_peer_names_no_module_to_import(named: Named) -> None:
     with pytest.raises(Disagreement):
         merge_sections(RunConfig(), peers)
     peers['plant'] = ('plant', dump_sections(RunConfig(), 'plant'))
-    assert told_config(RunConfig(), peers).controller.law == 'pd'
+    assert published_config(RunConfig(), peers).controller.law == 'pd'
     assert not named.mark.exists()
 
 

@@ -47,7 +47,7 @@ def read(
     for number, text in enumerate(texts):
         files.append(directory / f'{number}.yaml')
         files[-1].write_text(text)
-    node = NodeName(role, name or f'/{role}', OWN.get(role, ()), OWN, flies=role != 'player')
+    node = NodeName(role, name or f'/{role}', OWN.get(role, ()), OWN, in_run=role != 'player')
     argv = ['--ros-args', *(word for text in set_ for word in ('-p', text))]
     return read_node(files, node, assignments(argv, role, node.name.rpartition('/')[2]))
 

@@ -51,8 +51,8 @@ def write_report(runs: Sequence[Path | ReportedRun], out: Path) -> Path:
     """
     Write the page of the given runs into ``out`` and return its path.
 
-    The file appears whole or not at all.  Raises ``RunError`` where a directory is not a run,
-    ``OSError`` where the page cannot be written.
+    The file is written atomically.  Raises ``RunError`` if a directory is not a run,
+    ``OSError`` if the page cannot be written.
     """
     page = render(load_runs(runs))
     out.mkdir(parents=True, exist_ok=True)

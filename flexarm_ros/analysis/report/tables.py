@@ -30,7 +30,7 @@ from flexarm_ros.core.parameters.sections import keys, SECTIONS
 from flexarm_ros.core.run.metric_list import METRICS
 
 MOST_SWITCHES = 12
-"""Most direction switches whose overshoots a page lists."""
+"""Maximum number of direction switches whose overshoots are listed."""
 
 LONGEST = 300
 """Most characters of a text from a file that a page shows."""

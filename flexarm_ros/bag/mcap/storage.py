@@ -218,11 +218,11 @@ def _of_one_bag(directory: Path, files: list[Path]) -> list[Path]:
     if len(files) == 1:
         return files
     listed = read_files(directory / METADATA_FILE)
-    strangers = [file.name for file in files if file.name not in listed]
-    if 0 < len(strangers) < len(files):
+    unlisted = [file.name for file in files if file.name not in listed]
+    if 0 < len(unlisted) < len(files):
         raise BagError(
             f'{directory}: holds {len(files)} files, of which {METADATA_FILE} does not name '
-            f'{", ".join(strangers[:3])}; name one of them'
+            f'{", ".join(unlisted[:3])}; name one of them'
         )
     return files
 

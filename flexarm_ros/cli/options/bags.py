@@ -46,7 +46,7 @@ def add_trust_option(parser: argparse.ArgumentParser) -> None:
     """Add the option that lets a bag name a law that is no installed entry point."""
     parser.add_argument(
         '--trust', action=_Trust, default=[], metavar='PACKAGE.MODULE',
-        help='import a control law of this module, or package, where the bag names it; without '
+        help='import a control law from this module or package if the bag names it; without '
         'it only installed laws are used; repeats',
     )  # fmt: skip
 

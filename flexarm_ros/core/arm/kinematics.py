@@ -60,11 +60,11 @@ def elastic_point(
     Return x, y, vx, vy of a material point of the bent arm.
 
     ``shapes`` ``(3, N + 1)``: rows are the shape functions of link 1 at its
-    end (or at the point, where that is on link 1), their slopes, and the shape
+    end (or at the point, if it is on link 1), their slopes, and the shape
     functions of link 2 at the point; the last column holds the distances along
     link 1 (row 0) and along link 2 (row 2), m.  ``shortening``
     ``(2, N, N)``: the axial foreshortening of each up to there is
-    q' S q / 2; of shape ``(2, 0, 0)`` where the model has none.
+    q' S q / 2; of shape ``(2, 0, 0)`` if the model has none.
     """
     count = shapes.shape[1] - 1
     w1, dw1, turn, dturn, w2, dw2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

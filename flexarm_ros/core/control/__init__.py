@@ -75,5 +75,5 @@ def make_law(config: RunConfig) -> Law:
 
 
 def gain_of(config: RunConfig, delta1: float, delta2: float) -> float:
-    """Return the law's lambda for recorded end deflections, m; nan where it has none."""
+    """Return the law's lambda for recorded end deflections, m; nan if it has none."""
     return fuzzy_gain(config, delta1, delta2) if config.controller.law == 'fls' else math.nan

@@ -543,7 +543,7 @@ def made(section: str, values: Mapping[str, Any]) -> Any:
 
 
 def changed(config: RunConfig, change: Change) -> RunConfig:
-    """Return ``config`` with a live parameter set; ``KeyError`` where there is no such."""
+    """Return ``config`` with a live parameter set; ``KeyError`` if there is none."""
     _, spec, _ = keys(change.node)[change.key]
     if not spec.live:
         raise KeyError(f'{change.node}.{change.key}')

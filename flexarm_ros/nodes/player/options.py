@@ -56,7 +56,7 @@ def declare(node: Node, argv: list[str]) -> PlayerOptions:
     Integers are accepted for numbers.  Raises PlayerError, one line.
     """
     try:
-        values = declare_own(node, 'player', OWN['player'], argv, flies=False)
+        values = declare_own(node, 'player', OWN['player'], argv, in_run=False)
     except ScenarioError as error:
         raise PlayerError(str(error)) from None
     node.describe_parameter('rate').dynamic_typing = True  # set: an integer will do

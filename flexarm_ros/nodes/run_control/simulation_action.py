@@ -80,24 +80,24 @@ class StepAction:
         return result
 
     async def _follow(self, goal: Any, steps: int) -> str:
-        control, told = self._control, 0
+        control, reported = self._control, 0
         if not control.step(steps):
             return 'not paused: pause first'
         order = control.orders
         while True:
             done = max(0, steps - control.steps_left)
             if order != control.orders:
-                return f'another request came after {told} steps'
-            for count in range(told + 1, done + 1):
-                told = count
+                return f'another request came after {reported} steps'
+            for count in range(reported + 1, done + 1):
+                reported = count
                 self._tell(goal, count, steps - count)
-            if told >= steps:
+            if reported >= steps:
                 return ''
             if control.over:
-                return f'the run ended after {told} steps'
+                return f'the run ended after {reported} steps'
             if goal.is_cancel_requested:
                 control.pause(True)
-                return f'cancelled after {told} steps'
+                return f'cancelled after {reported} steps'
             self._look = Future()
             await self._look
 

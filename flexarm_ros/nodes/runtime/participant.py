@@ -183,7 +183,7 @@ class Participant(MemberNode):
             self._next_invalid_log = now + 1.0
             self.get_logger().warning(f'{_counted(self.invalid)}, last on {topic}: {fault}')
 
-    def tell_invalid(self) -> None:
+    def log_invalid(self) -> None:
         """Log the total number of rejected messages, if any."""
         if self.invalid:
             self.get_logger().warning(f'{_counted(self.invalid)} in all')

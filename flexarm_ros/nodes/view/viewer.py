@@ -33,7 +33,7 @@ from flexarm_ros import scenario
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.nodes.runtime.joining import status
-from flexarm_ros.nodes.runtime.joining.config_exchange import Disagreement, told_config
+from flexarm_ros.nodes.runtime.joining.config_exchange import Disagreement, published_config
 from flexarm_ros.nodes.runtime.parameters.declared import declare_own, given_parameters
 from flexarm_ros.nodes.runtime.parameters.own import OWN
 from flexarm_ros.nodes.runtime.process.middleware import start
@@ -161,7 +161,7 @@ class ViewerNode(Node):
             return
         texts = {role: (s.node, s.parameters) for role, s in self._told.items() if s.parameters}
         try:
-            config = told_config(self._given, texts)
+            config = published_config(self._given, texts)
         except Disagreement as error:
             self.get_logger().debug(f'no scenario yet: {error}')
             return

@@ -58,16 +58,16 @@ def _optional(config: RunConfig) -> list[str]:
     return [name for name, _ in config.further]
 
 
-def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
+def merge_sections(own: RunConfig, published: Mapping[str, tuple[str, str]]) -> RunConfig:
     """
     Return ``own`` with each peer's section as the peer published it.
 
-    ``told`` maps a role to its node's name and its sections as JSON.  Raises
+    ``published`` maps a role to its node's name and its sections as JSON.  Raises
     Disagreement if a common parameter or the list of optional parts differs, or if a node's
     sections are not valid in a scenario: they come over the network and are checked like a file.
     """
     merged = own
-    for role, (node, text) in told.items():
+    for role, (node, text) in published.items():
         if role not in SECTIONS:
             continue
         try:
@@ -90,30 +90,30 @@ def merge_sections(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunCo
     return _checked(merged)
 
 
-def told_config(own: RunConfig, told: Mapping[str, tuple[str, str]]) -> RunConfig:
+def published_config(own: RunConfig, published: Mapping[str, tuple[str, str]]) -> RunConfig:
     """
     Return the scenario published by the nodes, for a viewer without one; ``own`` fills gaps.
 
-    ``told`` as for `merge_sections`, with the plant's.  Torques of an open loop
+    ``published`` as for `merge_sections`, with the plant's.  Torques of an open loop
     are not in a status, an external controller publishes none, and a law of another package may
     not be installed here: the law then counts as one without lambda.  Optional parts are left
     out: a viewer shows the required ones.
     """
     own = replace(own, further=())
-    told = {role: (node, _required(text)) for role, (node, text) in told.items()}
+    published = {role: (node, _required(text)) for role, (node, text) in published.items()}
     try:
-        common = _section('/**', json.loads(told['plant'][1])['run'])
-        law = json.loads(told['controller'][1]) if 'controller' in told else {}
+        common = _section('/**', json.loads(published['plant'][1])['run'])
+        law = json.loads(published['controller'][1]) if 'controller' in published else {}
         if law and not _is_flyable(law['controller']):
             own_keys = specs(SECTIONS['controller'])
             kept = {key: value for key, value in law['controller'].items() if key in own_keys}
             law['controller'] = {**kept, 'law': 'pd', 'torque_file': None}
-            told = {**told, 'controller': (told['controller'][0], json.dumps(law))}
+            published = {**published, 'controller': (published['controller'][0], json.dumps(law))}
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise Disagreement('the published parameters are not a scenario') from None
     if not law:
         own = replace(own, controller=replace(own.controller, law='pd', torque_file=None))
-    return merge_sections(replace(own, run=common), told)
+    return merge_sections(replace(own, run=common), published)
 
 
 def _required(text: str) -> str:
@@ -121,7 +121,7 @@ def _required(text: str) -> str:
     try:
         return json.dumps({k: v for k, v in json.loads(text).items() if k != 'optional'})
     except (ValueError, AttributeError, RecursionError):
-        return text  # refused where it is merged
+        return text  # rejected by `merge_sections`
 
 
 def _is_flyable(controller: Mapping[str, Any]) -> bool:

@@ -68,7 +68,7 @@ _NAMELESS_S = 1.0
 """Seconds within which the graph shows the name of an endpoint's node."""
 _CONNECT_S = 15.0
 """Seconds within which nodes that have found each other must be connected; one is usual."""
-_STRANGERS_S = 0.1
+_OUTSIDERS_S = 0.1
 """Seconds for which the result of a search for publishers outside the run is used."""
 _ON_THE_WAY = (Phase.JOINING, Phase.RESETTING)
 AT_START = 'start: '
@@ -138,8 +138,8 @@ class Membership:
         now = time.monotonic()
         until, ours = self._judged.get((topic, sender), (now, None))
         if now >= until:
-            ours = None if self._strangers(topic) else True
-            until = math.inf if sender and ours else now + _STRANGERS_S
+            ours = None if self._outsiders(topic) else True
+            until = math.inf if sender and ours else now + _OUTSIDERS_S
             self._judged[topic, sender] = until, ours
         return ours
 
@@ -187,8 +187,8 @@ class Membership:
         """
         for other in self._board.others.values():
             starting = not plant_of(other) or other.text.startswith(AT_START)
-            told = self._board.mine.identity in heard_by(other)
-            if other.phase is Phase.FAILED and starting and told and not interrupted(other.text):
+            known = self._board.mine.identity in heard_by(other)
+            if other.phase is Phase.FAILED and starting and known and not interrupted(other.text):
                 role = other.role if other.role in roles(self.config) else ''
                 raise RunFailed(other.blame or role, other.text, reported_by=role)
 
@@ -233,7 +233,7 @@ class Membership:
         """Return the role of the external node ``source`` that reads ``topic``, else empty."""
         for role in readers(topic, self.config):
             own = output_of(role, self.config)
-            if own and any(source_of(e) == source for e in self._strangers(own)):
+            if own and any(source_of(e) == source for e in self._outsiders(own)):
                 return role
         return ''
 
@@ -301,7 +301,7 @@ class Membership:
             self.external.discard(role)
             return True
         topic = output_of(role, self.config)
-        if not topic or not self._listening(role, self._strangers(topic)):
+        if not topic or not self._listening(role, self._outsiders(topic)):
             self._external_since.pop(role, None)
             return False
         since = self._external_since.setdefault(role, now)
@@ -310,14 +310,14 @@ class Membership:
         self.external.add(role)
         return True
 
-    def _listening(self, role: str, strangers: list[Any]) -> bool:
+    def _listening(self, role: str, outsiders: list[Any]) -> bool:
         """
         Whether the node of these publishers subscribes to the inputs of ``role``.
 
         Discovery shows a node's publishers before its subscriptions; a run that began in between
         would lose the first message.
         """
-        senders = {source_of(endpoint) for endpoint in strangers}
+        senders = {source_of(endpoint) for endpoint in outsiders}
         topics = part_of(role).reads(self.config)
         readers = {
             source_of(endpoint)
@@ -328,7 +328,7 @@ class Membership:
         }
         return bool(senders & readers if topics else senders)
 
-    def _strangers(self, topic: str) -> list[Any]:
+    def _outsiders(self, topic: str) -> list[Any]:
         """Return the publishers of ``topic`` that belong to no participant."""
         resolved = self._me.resolve_topic_name(topic)
         known = self._board.writers()
@@ -402,16 +402,16 @@ class Membership:
 
     def _input_matched(self, entry: Any) -> bool:
         endpoints = self._me.get_publishers_info_by_topic(entry.subscription.topic_name)
-        strangers = self._strangers(entry.topic.name)
+        outsiders = self._outsiders(entry.topic.name)
         if entry.source in self.external:
-            mine = strangers
+            mine = outsiders
         else:
             status = self.status_of(entry.source)
             source = self._board.source(status) if status and not status.phase.over else b''
             mine = [e for e in endpoints if source and source_of(e) == source]
             if entry.topic.name == '/clock':
-                strangers = []  # other arms of the graph publish a clock too
-            mine += strangers
+                outsiders = []  # other arms of the graph publish a clock too
+            mine += outsiders
         if len(mine) > 1:
             nodes = ' and '.join(sorted(node_of(endpoint) for endpoint in mine))
             raise RunFailed('', f'start: two publishers on {entry.topic.name}: {nodes}')

@@ -73,13 +73,15 @@ def assignments(argv: list[str], *names: str) -> Iterator[tuple[str, str]]:
                 yield key, value
 
 
-def given_parameters(node: Node, role: str, argv: list[str], flies: bool = True) -> NodeParameters:
+def given_parameters(
+    node: Node, role: str, argv: list[str], in_run: bool = True
+) -> NodeParameters:
     """
     Return the parameters of ``node`` from files and command line.
 
-    ``flies``: the scenario's parameters are included.  Raises ScenarioError for an unknown key.
+    ``in_run``: the scenario's parameters are included.  Raises ScenarioError for an unknown key.
     """
-    name = NodeName(role, node.get_fully_qualified_name(), OWN.get(role, ()), OWN, flies)
+    name = NodeName(role, node.get_fully_qualified_name(), OWN.get(role, ()), OWN, in_run)
     return read_node(parameter_files(argv), name, assignments(argv, role, node.get_name()))
 
 
@@ -101,14 +103,14 @@ def declare_and_load(node: Node, role: str, argv: list[str]) -> RunConfig:
 
 
 def declare_own(
-    node: Node, role: str, parameters: Mapping[str, Own], argv: list[str], flies: bool = True
+    node: Node, role: str, parameters: Mapping[str, Own], argv: list[str], in_run: bool = True
 ) -> dict[str, Any]:
     """
     Declare the parameters of this node that are not part of a scenario; return the values.
 
     Raises ScenarioError if a given value is invalid.
     """
-    given = given_parameters(node, role, argv, flies)
+    given = given_parameters(node, role, argv, in_run)
     for note in given.notes:
         node.get_logger().warning(note)
     values = {}

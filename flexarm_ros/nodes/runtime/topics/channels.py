@@ -341,7 +341,7 @@ class Input:
             if not (self._ours(taken[1]) if known else self._only_publisher()):
                 self._complain(self._unwanted)
 
-    def bind(self, endpoint: Any, told: SenderInfo, rising: bool) -> None:
+    def bind(self, endpoint: Any, means: SenderInfo, rising: bool) -> None:
         """
         Accept messages of the publisher ``endpoint`` only, as far as messages identify it.
 
@@ -349,8 +349,8 @@ class Input:
         caught.
         """
         shared = not self._unwanted  # handles distinguish publishers only on topics of one run
-        self._unnamed = told is SenderInfo.NONE or (told is SenderInfo.HANDLE and shared)
-        self.accepted = gid_of(endpoint) if told is SenderInfo.GID else b''
+        self._unnamed = means is SenderInfo.NONE or (means is SenderInfo.HANDLE and shared)
+        self.accepted = gid_of(endpoint) if means is SenderInfo.GID else b''
         self.sender = node_of(endpoint)
         self._rising = rising and not self._exact
 
