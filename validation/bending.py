@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.arm.full.model import END, END_SHORT, make_constants, STIFFNESS
+from flexarm_ros.core.arm.full.model import make_constants
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -50,11 +50,10 @@ def elastica(load: float) -> tuple[float, float]:
 
 def ours(load: float) -> tuple[float, float]:
     """Return the same of link 1 of the full model, in equilibrium."""
-    constants = make_constants(full_plant(modes=2, basis='craig_bampton'))
+    link = make_constants(full_plant(modes=2, basis='craig_bampton'))[0].links[0]
     force = load * RIGIDITY / LENGTH**2
-    end = constants.vectors[0, END]
-    a = force * end / constants.vectors[0, STIFFNESS]
-    return float(end @ a) / LENGTH, 0.5 * float(a @ constants.matrices[0, END_SHORT] @ a) / LENGTH
+    a = force * link.end / link.stiffness
+    return float(link.end @ a) / LENGTH, 0.5 * float(a @ link.end_short @ a) / LENGTH
 
 
 def run() -> Section:

@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.arm.full.dynamics import make_work, mass_and_bias
-from flexarm_ros.core.arm.full.model import make_constants, MODAL, STIFFNESS
+from flexarm_ros.core.arm.full.model import make_constants
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import eigh
@@ -89,18 +89,18 @@ def lead_lag(speed: float, modes: int, foreshortening: bool = True) -> Array:
     )
     constants, unit = make_constants(plant), math.sqrt(1676.0 / 0.335) / 4.5**2
     half, size, rate = 2 + modes, 2 + 2 * modes, speed * unit
-    mass = constants.matrices[0, MODAL]
-    stiffness = np.diag(constants.vectors[0, STIFFNESS])
+    link = constants[0].links[0]
+    mass, stiffness = link.modal, np.diag(link.stiffness)
     if foreshortening:
-        rates, lower, work = np.zeros(size), np.zeros((size, size)), make_work(modes)
+        rates, work = np.zeros(size), make_work(modes)
         rates[0] = rate
         for i in range(modes):
             sides = []
             for small in (1e-4, -1e-4):
-                q, force = np.zeros(size), np.zeros(size)
+                q = np.zeros(size)
                 q[2 + i] = small
-                mass_and_bias(constants, q, rates, lower, force, work)
-                sides.append(force[2:half])
+                mass_and_bias(constants, q, rates, work)
+                sides.append(work[0].force[2:half].copy())
             stiffness[:, i] += (sides[0] - sides[1]) / 2e-4
     else:
         stiffness = stiffness - rate**2 * mass

@@ -66,7 +66,7 @@ def add_parser(subparsers: Any) -> None:
         help='upper limit of the search for the crossing delay, s (default 0.06)',
     )  # fmt: skip
     parser.add_argument(
-        '--integrator', choices=('exact', 'rk4'), default='exact',
+        '--integrator', choices=('exact', 'plant'), default='exact',
         help="motion between ticks: exact, or by the plant's integration steps",
     )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print JSON instead of a table')

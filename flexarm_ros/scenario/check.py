@@ -62,16 +62,15 @@ def _check_torques(config: RunConfig) -> None:
 def _check_model(config: RunConfig) -> None:
     """Check the model by the core, and limit its integration steps."""
     # Imported here: compiled code takes half a second to import, and the errors above need none.
-    from flexarm_ros.core.arm.plant import choose_substeps
     from flexarm_ros.core.run import checks
-    from flexarm_ros.core.run.make_plant import highest_frequency
+    from flexarm_ros.core.run.make_plant import choose_integrator, highest_frequency
     import numpy as np
 
     try:
         with np.errstate(all='ignore'):
             checks.check(config)
             highest = highest_frequency(config)
-            substeps = choose_substeps(config.plant, config.run.control_period, highest)
+            _, substeps = choose_integrator(config)
     except ValueError as error:
         raise ScenarioError(clip(str(error), 400)) from None
     except (ArithmeticError, MemoryError) as error:

@@ -82,14 +82,13 @@ def resolved(config: RunConfig) -> dict[str, dict[str, Any]]:
     These are integration steps per tick, limits of deflection, initial pose and rates, and the
     held point; what stays ``None`` has no meaning in this scenario.
     """
-    from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
-    from flexarm_ros.core.run.make_plant import highest_frequency
+    from flexarm_ros.core.arm.plant import deflection_limits
+    from flexarm_ros.core.run.make_plant import choose_integrator
     from flexarm_ros.core.trajectory import initial_angles, make_path
 
     data = to_dict(config)
     plant, trajectory = data['plant'], data['trajectory']
-    highest = highest_frequency(config)
-    plant['substeps'] = choose_substeps(config.plant, config.run.control_period, highest)
+    _, plant['substeps'] = choose_integrator(config)
     plant['deflection_limit'] = list(deflection_limits(config.plant))
     plant['initial_position'] = [float(angle) for angle in initial_angles(config)]
     plant['initial_velocity'] = list(config.plant.initial_velocity or (0.0, 0.0))

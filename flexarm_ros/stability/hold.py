@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.runge_kutta import Tableau, TABLEAUS
 from flexarm_ros.core.sensing.delay import pade2_matrices
 from flexarm_ros.stability.modes import LinearArm
 import numpy as np
@@ -26,27 +27,36 @@ from scipy.linalg import expm
 
 
 def hold_matrices(
-    arm: LinearArm, period: float, substeps: int | None = None
+    arm: LinearArm, period: float, steps: tuple[int, int] | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """
     Return A ``(2n, 2n)`` and B ``(2n, 2)`` of one tick of ``period`` s, zero-order-hold torques.
 
     Exact (Astrom and Wittenmark, Computer-Controlled Systems, 3rd edition,
-    section 2.3), or with ``substeps`` the result of that many classical
-    Runge-Kutta steps, as the plants compute them: the polynomial
-    1 + z + z^2/2 + z^3/6 + z^4/24 of the continuous matrix times the step.
+    section 2.3), or with ``steps`` the result of a Runge-Kutta method of that
+    order and that many steps, as the plants compute it: its stability function
+    of the continuous matrix times the step.
     """
     state, force = arm.state_space()
     size, inputs = force.shape
     whole = np.zeros((size + inputs, size + inputs))
     whole[:size, :size], whole[:size, size:] = state, force
-    if substeps is None:
+    if steps is None:
         result = expm(whole * period)
     else:
-        z, one = whole * (period / substeps), np.eye(size + inputs)
-        step = one + z @ (one + z @ (one + z @ (one + z / 4.0) / 3.0) / 2.0)
-        result = np.linalg.matrix_power(step, substeps)
+        order, count = steps
+        step = _stability_function(TABLEAUS[order], whole * (period / count))
+        result = np.linalg.matrix_power(step, count)
     return result[:size, :size], result[:size, size:]
+
+
+def _stability_function(method: Tableau, z: FloatArray) -> FloatArray:
+    """Return the matrix of one step of x' = A x, with ``z`` = h A."""
+    one = np.eye(len(z))
+    slopes = np.zeros((len(method.b), *z.shape))
+    for stage, row in enumerate(method.a):
+        slopes[stage] = z @ (one + np.tensordot(row, slopes, 1))
+    return np.asarray(one + np.tensordot(method.b, slopes, 1))
 
 
 @dataclass(frozen=True)

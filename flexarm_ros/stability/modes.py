@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flexarm_ros.core.arm.full.model import BEND, make_constants
+from flexarm_ros.core.arm.full.model import make_constants
 from flexarm_ros.core.arm.full.plant import elastic_diagonals, mass_matrix
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
@@ -125,7 +125,7 @@ def linearise(config: RunConfig, theta2: float, theta1: float = 0.0) -> LinearAr
     else:
         mass = mass_matrix(plant, pose)
         stiffness, damping = elastic_diagonals(plant)
-        shape = make_constants(plant).vectors[:, BEND]
+        shape = make_constants(plant)[0].links['flexible_end']
     half = 2 + plant.modes
     ends[0, 2:half], ends[1, half:] = shape
     return LinearArm(

@@ -151,7 +151,7 @@ def lqg_form(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw
     rate = regulator[:, :size]
     c = pick + period * (rate @ state[:size] + np.hstack([np.zeros((2, z)), regulator[:, size:]]))
     d = period * rate @ given[:size]
-    hold, drive = hold_matrices(believed, period, plan.grid.substeps)
+    hold, drive = hold_matrices(believed, period, (plan.grid.order, plan.grid.substeps))
     a, b = np.zeros((end, end)), np.zeros((end, at + 8))
     a[:size], b[:size] = hold @ state[:size] + drive @ c, hold @ given[:size] + drive @ d
     sensed = believed.point(config.tip_sensor.location)

@@ -37,7 +37,7 @@ from __future__ import annotations
 from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.make_plant import make_plant
+from flexarm_ros.core.run.make_plant import choose_integrator
 from flexarm_ros.core.sensing.sensors import ticks_per_sample
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
 from flexarm_ros.stability.form import LinearLaw
@@ -85,7 +85,7 @@ class SampledLoop:
     The closed loop of a scenario about rest at an elbow angle, over one tick.
 
     ``theta2``, rad; theta1 is 0, since arm and law are independent of it.
-    ``integrator``: ``exact``, or ``rk4``, the plant's own steps.  ``compress``
+    ``integrator``: ``exact``, or ``plant``, the plant's own steps.  ``compress``
     keeps of a sensor's past only those combinations of its four channels that
     the law reads, instead of the channels themselves.  ``time``, s: time of the gains of a
     time-varying law.
@@ -106,8 +106,8 @@ class SampledLoop:
         self.period, self.period_ns = timeline.period, timeline.period_ns
         self.arm = linearise(config, theta2)
         self.law = linear_law(config, self.arm, time)
-        substeps = make_plant(config).substeps if integrator == 'rk4' else None
-        self.hold = hold_matrices(self.arm, self.period, substeps)
+        steps = choose_integrator(config) if integrator == 'plant' else None
+        self.hold = hold_matrices(self.arm, self.period, steps)
         self.ticks_per_sample = ticks_per_sample(tip.rate, self.period_ns)
         point = self.arm.point(tip.location, tip.measurand == 'elastic')
         joints = np.eye(2, len(self.arm.mass))

@@ -43,7 +43,7 @@ PLAIN = {
     *('tile', 'zeros', 'zeros_like', 'ones', 'empty', 'empty_like', 'full', 'eye', 'arange'),
     *('outer', 'multiply', 'sqrt', 'maximum', 'minimum', 'max', 'abs', 'where', 'argsort'),
     *('unique', 'tril', 'transpose', 'ndarray', 'random', 'float64', 'int64', 'uint64', 'uint8'),
-    *('inf', 'nan'),
+    *('inf', 'nan', 'dtype', 'record', 'void'),
 }  # fmt: skip
 
 

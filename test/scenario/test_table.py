@@ -53,10 +53,14 @@ def test_the_page_has_the_tables_of_now() -> None:
 def test_what_is_left_out_is_resolved_as_it_is_taken() -> None:
     from flexarm_ros.core.run.loop import ClosedLoop
 
+    for name, modes in (('fls_tip', 3), ('fls_full', 6), ('fls_full', 5), ('fls_full', 3)):
+        config = scenario.load(name, [f'plant.modes={modes}'])
+        loop = ClosedLoop(config)
+        assert scenario.resolved(config)['plant']['substeps'] == loop.plant.substeps > 1
     config = scenario.load('fls_tip', ['plant.modes=3'])
     found = scenario.resolved(config)
     loop = ClosedLoop(config)
-    assert found['plant']['substeps'] == loop.plant.substeps > 1
+    assert found['plant']['substeps'] == loop.plant.substeps
     assert found['plant']['initial_position'] == loop.plant.q[:2].tolist()
     assert found['plant']['initial_velocity'] == [0.0, 0.0]
     assert found['plant']['deflection_limit'] == [5.0, 5.0]

@@ -170,7 +170,7 @@ def predicted(config: RunConfig, integrator: str) -> np.ndarray:
 @pytest.mark.parametrize('name', CASES)
 def test_the_one_tick_matrix_is_the_code_s_own_derivative(name: str) -> None:
     config = CASES[name]
-    expected = predicted(config, 'rk4')
+    expected = predicted(config, 'plant')
     # Two steps, extrapolated: what is of second order in the step (the kinematics) and, with
     # lambda's kink at the origin, of first order, goes.
     coarse, fine = differentiated(config, 2e-5), differentiated(config, 1e-5)
@@ -184,7 +184,7 @@ def test_the_one_tick_matrix_is_the_code_s_own_derivative(name: str) -> None:
 def test_the_plant_s_steps_differ_from_the_exact_hold_by_their_own_error_only(name: str) -> None:
     config = CASES[name]
     exact = hold_matrices(linearise(config, BEND), 0.001)
-    loop = SampledLoop(config, BEND, 'rk4')
+    loop = SampledLoop(config, BEND, 'plant')
     # RK4 at 0.2 rad a step (eq14) is 1.3e-5 rad a rad out of phase on the fastest mode, at
     # 0.5 rad (full) 5e-4.
     worst = 5e-4 if config.plant.model == 'full' else 1.4e-5
@@ -254,7 +254,7 @@ def test_a_slow_sensor_s_matrix_spans_its_sample(rate: float) -> None:
 
 def follows(config: RunConfig) -> None:
     size, kick = 1e-6, np.array([0.3, -0.2, 0.5, 0.4, 1.0, 2.0, -1.0, 0.5])
-    linear = SampledLoop(config, BEND, 'rk4')
+    linear = SampledLoop(config, BEND, 'plant')
     state = np.zeros(len(linear.matrix()))
     n = len(linear.arm.mass)
     loop = ClosedLoop(config)

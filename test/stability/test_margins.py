@@ -195,7 +195,7 @@ def flown(
         assert crossing is not None
         latency = round(crossing * part, 9)
     config = replace(config, tip_sensor=replace(config.tip_sensor, latency=latency))
-    return config, SampledLoop(config, BEND, 'rk4')
+    return config, SampledLoop(config, BEND, 'plant')
 
 
 @pytest.mark.parametrize('name', FLOWN)

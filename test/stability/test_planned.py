@@ -159,7 +159,7 @@ def test_gains_are_those_of_the_pose_s_time() -> None:
 def test_a_kicked_arm_follows_the_matrix(law: str) -> None:
     size, kick, config = 1e-6, np.zeros(12), holding(law)
     kick[:8] = 0.3, -0.2, 0.01, 0.004, 0.005, 0.002, 1.0, 2.0
-    linear = SampledLoop(config, BEND, 'rk4')
+    linear = SampledLoop(config, BEND, 'plant')
     loop, state = ClosedLoop(config), np.zeros(len(linear.matrix()))
     rest = np.concatenate([[TURN, BEND], np.zeros(10)])
     for _ in range(20):

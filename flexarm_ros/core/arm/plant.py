@@ -88,6 +88,11 @@ def material_damping(plant: PlantParameters, link: int) -> float:
     return plant.link_damping[link] / root
 
 
+def steps_for(highest: float, period: float, phase: float) -> int:
+    """Return how many steps per tick keep the phase of the highest rate, 1/s, below ``phase``."""
+    return max(1, math.ceil(highest * period / phase))
+
+
 def choose_substeps(plant: PlantParameters, period: float, highest: float) -> int:
     """
     Return the number of RK4 steps per tick of ``period`` s for a highest rate, 1/s.
@@ -96,8 +101,8 @@ def choose_substeps(plant: PlantParameters, period: float, highest: float) -> in
     :data:`STABLE_PHASE`, and ``ValueError`` raised if it is too small.
     """
     if plant.substeps is None:
-        return max(1, math.ceil(highest * period / ACCURATE_PHASE))
-    least = max(1, math.ceil(highest * period / STABLE_PHASE))
+        return steps_for(highest, period, ACCURATE_PHASE)
+    least = steps_for(highest, period, STABLE_PHASE)
     if plant.substeps < least:
         raise ValueError(
             f'plant.substeps: {plant.substeps} is too few for a highest frequency of '

@@ -32,7 +32,7 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import step
-from flexarm_ros.core.arm.full.model import Constants
+from flexarm_ros.core.arm.full.model import floats, Records
 from flexarm_ros.core.arm.kinematics import elastic_point
 from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
 from flexarm_ros.core.control.design.model import adjust, Arm, Point
@@ -80,6 +80,20 @@ class Memory(NamedTuple):
     z: FloatArray
     v: FloatArray
     integral: FloatArray
+
+
+class Own(NamedTuple):
+    """The filter's constants ``con``, their ``numbers``, and those of the model, ``base``."""
+
+    con: Records
+    numbers: FloatArray
+    base: FloatArray
+
+
+def own_of(con: Records) -> Own:
+    """Return a copy of the model's constants that follows the estimates."""
+    own = con.copy()
+    return Own(own, floats(own), floats(con))
 
 
 def latency_of(config: RunConfig) -> Latency:
@@ -220,7 +234,7 @@ def regulate(
 
 @compiled
 def predict_state(
-    arm: Arm, own: Constants, grid: Grid, z: FloatArray, tau1: float, tau2: float, n: int
+    arm: Arm, own: Own, grid: Grid, z: FloatArray, tau1: float, tau2: float, n: int
 ) -> None:
     """Propagate the estimate over a tick with the torques held."""
     size = 2 * n
@@ -228,10 +242,10 @@ def predict_state(
         z[size + i] = min(max(z[size + i], -_FARTHEST), _FARTHEST)
     if z[size] != 0.0 or z[size + 1] != 0.0:
         ei, rho = exp(z[size]) - 1.0, exp(z[size + 1]) - 1.0
-        adjust(arm.con, arm.rigidity, arm.density, ei, rho, own)
+        adjust(own.base, arm.rigidity, arm.density, ei, rho, own.numbers)
     step(
-        own, z[:n], z[n:size], tau1 + z[size + 3], tau2 + z[size + 4], grid.step, grid.substeps,
-        arm.mass, arm.work,
+        own.con, z[:n], z[n:size], tau1 + z[size + 3], tau2 + z[size + 4], grid.step,
+        grid.substeps, grid.order, arm.work,
     )  # fmt: skip
     for i in range(z.shape[0] - 1, size + 6, -1):
         z[i] = z[i - 2]
@@ -251,7 +265,7 @@ class LqgLaw(Law):
         self._design = _design(design_key(config), self.ADAPT)
         self._period = Timeline.of(config.run).period
         self._n = self._plan.motion.state.shape[1] // 2
-        self._own = Constants(*(part.copy() for part in self._plan.arm.con))
+        self._own = own_of(self._plan.arm.con)
         z = np.zeros(self._design.estimator.shape[1])
         size = 2 * self._n
         z[:size] = self._plan.dense[0, :size]

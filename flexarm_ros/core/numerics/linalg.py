@@ -225,6 +225,32 @@ def solve_symmetric(matrix: FloatArray, vector: FloatArray) -> None:
 
 
 @compiled
+def solve_upper(matrix: FloatArray, vector: FloatArray) -> None:
+    """
+    Solve ``matrix @ x = vector`` in place by LDL^T, row by row; ``vector`` becomes x.
+
+    ``matrix`` ``(n, n)`` is symmetric positive definite; only its upper triangle is read, and
+    overwritten.  Eliminating a row from all those below it works on contiguous numbers that do
+    not depend on one another, so that the compiler can vectorise it for an n that it knows.
+    """
+    n = len(matrix)
+    for k in range(n):
+        inverse = 1.0 / matrix[k, k]
+        matrix[k, k] = inverse
+        right = vector[k]
+        for i in range(k + 1, n):
+            factor = matrix[k, i] * inverse
+            for j in range(i, n):
+                matrix[i, j] -= factor * matrix[k, j]
+            vector[i] -= factor * right
+    for i in range(n - 1, -1, -1):
+        value = vector[i]
+        for j in range(i + 1, n):
+            value -= matrix[i, j] * vector[j]
+        vector[i] = value * matrix[i, i]
+
+
+@compiled
 def multiply(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Set ``out`` (n, m) to a b, of shapes (n, k) and (k, m)."""
     for i in range(a.shape[0]):

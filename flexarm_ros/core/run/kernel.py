@@ -165,7 +165,7 @@ def run_full(
         if first + i > 0:
             ends = step_full(
                 plant.constants, q, qd, torque[0], torque[1], plant.step, plant.substeps,
-                plant.mass, plant.work,
+                plant.order, plant.work,
             )  # fmt: skip
         if not is_stable(ends, loop.limits, q, qd):
             return i

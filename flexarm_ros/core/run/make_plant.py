@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from flexarm_ros.core.arm.plant import choose_substeps, Plant
 from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices, Eq14Plant
+from flexarm_ros.core.numerics.runge_kutta import RK4
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
@@ -33,10 +34,28 @@ def highest_frequency(config: RunConfig) -> float:
     return Eq14Matrices(config.plant).highest_rate()
 
 
+def choose_integrator(config: RunConfig) -> tuple[int, int]:
+    """
+    Return the order of the plant's integrator and its steps per tick.
+
+    Raises ``ValueError`` if ``plant.substeps`` is given but too small.
+    """
+    if config.plant.model == 'full' and not is_driven(config):
+        from flexarm_ros.core.arm.full import plant as full
+
+        return full.choose_integrator(config)
+    period, highest = Timeline.of(config.run).period, highest_frequency(config)
+    if is_driven(config):
+        from flexarm_ros.core.arm.driven.plant import driven_steps
+
+        return RK4.order, driven_steps(config.plant, period, highest)
+    return RK4.order, choose_substeps(config.plant, period, highest)
+
+
 def check_substeps(config: RunConfig) -> None:
     """Raise ``ValueError`` if ``plant.substeps`` is given but too small."""
     if config.plant.substeps is not None:
-        choose_substeps(config.plant, Timeline.of(config.run).period, highest_frequency(config))
+        choose_integrator(config)
 
 
 def is_driven(config: RunConfig) -> bool:

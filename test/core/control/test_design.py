@@ -20,7 +20,7 @@ from dataclasses import replace
 
 from flexarm_ros import scenario
 from flexarm_ros.core.arm.full.dynamics import acceleration, step
-from flexarm_ros.core.arm.full.model import Constants, link_bases, make_constants_on
+from flexarm_ros.core.arm.full.model import floats, link_bases, make_constants_on
 from flexarm_ros.core.control.design import model
 from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
 from flexarm_ros.core.control.design.motion import APART, around, make_arm, model_of
@@ -47,7 +47,7 @@ def state_at(seed: int) -> np.ndarray:
 def carried(state: np.ndarray, period: float) -> np.ndarray:
     """``period`` s of the plant, in steps so small that the integrator's error does not show."""
     after = state.copy()
-    step(ARM.con, after[:N], after[N:], 20.0, -10.0, period / 20, 20, ARM.mass, ARM.work)
+    step(ARM.con, after[:N], after[N:], 20.0, -10.0, period / 20, 20, 4, ARM.work)
     return after
 
 
@@ -65,7 +65,7 @@ def at_rest(count: int, ticks: int) -> tuple[Grid, Motion]:
     state = np.zeros((count + 1, 2 * N))
     state[:, 1] = 1.2
     motion = Motion(state, np.zeros((count + 1, 2)), np.zeros((count, 2)))
-    return Grid(ticks, 2, PERIOD / 2), motion
+    return Grid(ticks, 2, PERIOD / 2, 4), motion
 
 
 @pytest.mark.parametrize('seed', range(3))
@@ -89,20 +89,20 @@ def test_discretising_is_the_matrix_exponential() -> None:
 
 def test_parameters_act_as_a_plant_with_them_does() -> None:
     """EI and density scaled in the packed constants, on one basis, move the arm alike."""
-    own = Constants(*(part.copy() for part in ARM.con))
-    model.adjust(ARM.con, ARM.rigidity, ARM.density, 0.2, 0.1, own)
+    own = ARM.con.copy()
+    model.adjust(floats(ARM.con), ARM.rigidity, ARM.density, 0.2, 0.1, floats(own))
     changed = replace(
         PLANT, flexural_rigidity=(2011.2, 2011.2), mass_density=(0.3685, 0.3685)
     )  # fmt: skip
-    for got, want in zip(own, make_constants_on(changed, link_bases(PLANT)), strict=True):
-        assert got == pytest.approx(want, rel=1e-12, abs=1e-12)
+    wanted = make_constants_on(changed, link_bases(PLANT))
+    assert floats(own) == pytest.approx(floats(wanted), rel=1e-12, abs=1e-12)
     state, one, other = state_at(2), np.zeros(N), np.zeros(N)
-    model.adjust(ARM.con, ARM.rigidity, ARM.density, 0.0, 0.1, own)
+    model.adjust(floats(ARM.con), ARM.rigidity, ARM.density, 0.0, 0.1, floats(own))
     softer, stiffer, lighter, heavier = around(ARM)
     rows = np.zeros((N, 2 * N + 4))
     model.sensitivity(ARM, (softer, stiffer, lighter, heavier), APART, state, 5.0, 2.0, rows)
-    acceleration(ARM.con, state[:N], state[N:], 5.0, 2.0, ARM.mass, one, ARM.work)
-    acceleration(own, state[:N], state[N:], 5.0, 2.0, ARM.mass, other, ARM.work)
+    acceleration(ARM.con, state[:N], state[N:], 5.0, 2.0, ARM.work, one)
+    acceleration(own, state[:N], state[N:], 5.0, 2.0, ARM.work, other)
     assert other - one == pytest.approx(0.1 * rows[:, 2 * N + 3], rel=0.15, abs=0.05)
 
 

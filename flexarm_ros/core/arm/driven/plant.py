@@ -23,7 +23,7 @@ import math
 from flexarm_ros.core.arm.driven.dynamics import make_scratch, Rig, step_driven
 from flexarm_ros.core.arm.driven.terms import make_terms
 from flexarm_ros.core.arm.kinematics import make_point
-from flexarm_ros.core.arm.plant import ACCURATE_PHASE, choose_substeps, deflection_limits
+from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, steps_for
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.core.signals import coordinate_names
@@ -53,10 +53,7 @@ class DrivenPlant:
         plant, period = config.plant, Timeline.of(config.run).period
         self.names = coordinate_names(plant.modes)
         self.limits = deflection_limits(plant)
-        phase = FULL_PHASE if plant.model == 'full' else ACCURATE_PHASE
-        self.substeps = choose_substeps(plant, period, highest)
-        if plant.substeps is None:
-            self.substeps = max(1, math.ceil(highest * period / phase))
+        self.substeps = driven_steps(plant, period, highest)
         self._step = period / self.substeps
         size = len(self.names)
         state = np.zeros((2, size + 2))
@@ -99,6 +96,13 @@ class DrivenPlant:
         self.drives[0], self.drives[1] = self.q[:2], self.qd[:2]
 
 
+def driven_steps(plant: PlantParameters, period: float, highest: float) -> int:
+    """Return the steps per tick; raises ``ValueError`` if ``plant.substeps`` is too small."""
+    if plant.substeps is None and plant.model == 'full':
+        return steps_for(highest, period, FULL_PHASE)
+    return choose_substeps(plant, period, highest)
+
+
 def _rig(plant: PlantParameters, bandwidth: Pair, backlash: Pair) -> Rig:
     negative = plant.coulomb_friction_negative or plant.coulomb_friction
     tip = make_point(plant, plant.spans[0] + plant.spans[1], elastic=True)
@@ -131,9 +135,9 @@ def _deflections(
 def _bends(plant: PlantParameters) -> FloatArray:
     """Return the end deflections per unit of each link's coordinates, ``(2, modes)``."""
     if plant.model == 'full':
-        from flexarm_ros.core.arm.full.model import BEND, make_constants
+        from flexarm_ros.core.arm.full.model import make_constants
 
-        rows = make_constants(plant).vectors[:, BEND]
+        rows = make_constants(plant)[0].links['flexible_end']
     else:
         from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices
 

@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from flexarm_ros.core.arm.full.dynamics import make_work, mass_and_bias, Work
-from flexarm_ros.core.arm.full.model import Constants, link_bases, make_constants_on
+from flexarm_ros.core.arm.full.dynamics import make_work, mass_and_bias
+from flexarm_ros.core.arm.full.model import link_bases, make_constants_on, Records
 from flexarm_ros.core.arm.full.plant import elastic_diagonals
 from flexarm_ros.core.arm.plant_eq14 import eq14_terms, Eq14Matrices
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
@@ -49,9 +49,9 @@ class Eq14Terms(NamedTuple):
 class FullTerms(NamedTuple):
     """Constants and scratch of the ``full`` plant; ``diagonals`` as in :class:`Eq14Terms`."""
 
-    con: Constants
+    con: Records
     diagonals: FloatArray
-    work: Work
+    work: Records
 
 
 def make_terms(plant: PlantParameters, payload_mass: float) -> Eq14Terms | FullTerms:
@@ -84,9 +84,12 @@ def _of_eq14(
 def _of_full(
     model: FullTerms, q: FloatArray, qd: FloatArray, mass: FloatArray, force: FloatArray
 ) -> None:
-    mass_and_bias(model.con, q, qd, mass, force, model.work)
-    for i in range(q.shape[0]):
-        force[i] = -force[i] - model.diagonals[0, i] * q[i] - model.diagonals[1, i] * qd[i]
+    mass_and_bias(model.con, q, qd, model.work)
+    work = model.work[0]
+    for i in range(len(work.force)):
+        force[i] = -work.force[i] - model.diagonals[0, i] * q[i] - model.diagonals[1, i] * qd[i]
+        for j in range(i + 1):
+            mass[i, j] = work.mass[j, i]
 
 
 def terms(model: Any, q: FloatArray, qd: FloatArray, mass: FloatArray, force: FloatArray) -> None:

@@ -30,7 +30,7 @@ this map without further approximation; ``docs/validation.md`` has the derivatio
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, Protocol
 
 from flexarm_ros.core.arm.basis import Basis, identity, orthogonal_basis
 from flexarm_ros.core.arm.basis_arm import arm_bases
@@ -39,41 +39,104 @@ from flexarm_ros.core.arm.plant import material_damping
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
+from numpy.typing import NDArray
 
-# Rows of ``Constants.scalars``, ``.vectors`` and ``.matrices``.
-MASS, FIRST, INERTIA, LENGTH = range(4)
-MEAN, MOMENT, END, END_SLOPE, STIFFNESS, DAMPING, BEND = range(7)
-SPIN, MODAL, SHORT, END_SHORT = range(4)
+Records = NDArray[np.void]
+"""An array of one record, ``(1,)``: numba takes an array of records faster than a record."""
+
+SCALARS = ('mass', 'first', 'inertia', 'length')
+VECTORS = ('mean', 'moment', 'end', 'end_slope', 'stiffness', 'damping', 'flexible_end')
+MATRICES = ('spin', 'modal', 'short', 'end_short')
 
 
-class Constants(NamedTuple):
+class Link(Protocol):
     """
-    Both links' integrals; first axis: the link, N: ``modes``.
+    Integrals of one link as a record; N: ``modes``, P = N (N + 1) / 2 pairs i >= j.
 
-    ``scalars`` (2, 4): mass (kg), first moment of mass along the axis (kg m),
-    moment of inertia about the joint (kg m^2), all of the straight link with
-    its end mass and inertia; length with the rigid parts (m).
+    The shapes are part of the record's type, so that the compiler knows N and unrolls the loops.
 
-    ``vectors`` (2, 7, N): int rho phi (kg); int rho (h + s) phi plus the end
-    inertia's slope (kg m); phi(L + e); phi'(L) (1/m); stiffness (N/m) and damping
-    (N s/m) of each coordinate; phi(L).
+    ``mass`` (kg), ``first`` moment of mass along the axis (kg m), ``inertia`` about the joint
+    (kg m^2), all of the straight link with its end mass and inertia; ``length`` with the rigid
+    parts (m).
 
-    ``matrices`` (2, 4, N, N): int rho (phi phi^T - (h + s) G), the change of the moment of
-    inertia with a (kg); int rho phi phi^T plus the end inertia's
-    (kg); int rho G (kg/m); G(L + e) (1/m).
+    (N,) ``mean``: int rho phi (kg); ``moment``: int rho (h + s) phi plus the end inertia's slope
+    (kg m); ``end``: phi(L + e); ``end_slope``: phi'(L) (1/m); ``stiffness`` (N/m) and ``damping``
+    (N s/m) of each coordinate; ``flexible_end``: phi(L).
 
-    ``cross`` (2, N, N, N): int rho phi_i G_jk (kg/m).  ``quartic``
-    (2, N, N, N, N), indices i, j, k, l: int rho G_ik G_jl (kg/m^2).
+    (N, N) ``spin``: int rho (phi phi^T - (h + s) G), the change of the moment of inertia with a
+    (kg); ``modal``: int rho phi phi^T plus the end inertia's (kg); ``short``: int rho G (kg/m);
+    ``end_short``: G(L + e) (1/m).
 
-    ``hub`` (2,): inertia on the rates of theta1 and theta2 (kg m^2).
+    ``cross`` (N, N, N), indices k, i, j: int rho phi_i G_jk (kg/m).  With sums over j and k as
+    sums over pairs, ``(j, k)`` and ``(k, j)`` added: ``cross_pairs`` (P, N), from a pair to i.
+    Of H_ijkl = int rho G_ij G_kl (kg/m^2): ``stretch`` (P, P), from the pair (k, l) to (i, j):
+    H_ikjl; ``bend`` (P, P), from the pair (k, l) to (i, j): H_ijkl.
     """
 
-    scalars: FloatArray
-    vectors: FloatArray
-    matrices: FloatArray
+    mass: float
+    first: float
+    inertia: float
+    length: float
+    mean: FloatArray
+    moment: FloatArray
+    end: FloatArray
+    end_slope: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+    flexible_end: FloatArray
+    spin: FloatArray
+    modal: FloatArray
+    short: FloatArray
+    end_short: FloatArray
     cross: FloatArray
-    quartic: FloatArray
+    cross_pairs: FloatArray
+    stretch: FloatArray
+    bend: FloatArray
+
+
+class Constants(Protocol):
+    """
+    Both links' integrals and the hubs as a record of floats only.
+
+    ``hub`` (2,): inertia on the rates of theta1 and theta2 (kg m^2).  ``links`` (2,): the
+    :class:`Link` records.
+    """
+
     hub: FloatArray
+    links: Any
+
+
+def record_type(fields: list[tuple[Any, ...]]) -> Any:
+    """Return a dtype whose fields are attributes, compiled or not."""
+    return np.dtype((np.record, np.dtype(fields, align=True)))
+
+
+@lru_cache
+def constants_type(modes: int) -> Any:
+    """Return the dtype of :class:`Constants` for ``modes`` assumed modes."""
+    pairs = modes * (modes + 1) // 2
+    link = record_type(
+        [
+            *((name, float) for name in SCALARS),
+            *((name, float, (modes,)) for name in VECTORS),
+            *((name, float, (modes, modes)) for name in MATRICES),
+            ('cross', float, (modes, modes, modes)),
+            ('cross_pairs', float, (pairs, modes)),
+            ('stretch', float, (pairs, pairs)),
+            ('bend', float, (pairs, pairs)),
+        ]
+    )
+    return record_type([('hub', float, (2,)), ('links', link, (2,))])
+
+
+def modes_of(constants: Records) -> int:
+    """Return the number of assumed modes of a link, N."""
+    return len(constants[0].links[0].mean)
+
+
+def floats(constants: Records) -> FloatArray:
+    """Return the numbers of :class:`Constants` as one flat array on the same memory."""
+    return constants.view(np.float64)
 
 
 def link_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
@@ -85,23 +148,44 @@ def link_bases(plant: PlantParameters) -> tuple[Basis, Basis]:
 
 
 @lru_cache(maxsize=16)
-def make_constants(plant: PlantParameters) -> Constants:
-    """Return the packed integrals of an arm; shared between callers, read only."""
+def make_constants(plant: PlantParameters) -> Records:
+    """Return :class:`Constants` of an arm, ``(1,)``; shared between callers, read only."""
     return make_constants_on(plant, link_bases(plant))
 
 
-def make_constants_on(plant: PlantParameters, bases: tuple[Basis, Basis]) -> Constants:
-    """Return the packed integrals of an arm with the given shape functions of each link."""
+def make_constants_on(plant: PlantParameters, bases: tuple[Basis, Basis]) -> Records:
+    """Return :class:`Constants` of an arm with the given shape functions, ``(1,)``."""
     ends = (
         (plant.link_end_mass, plant.link_end_inertia),
         (plant.payload_mass, plant.payload_inertia),
     )
-    links = [_link(plant, bases[link], link, *ends[link]) for link in (0, 1)]
-    scalars, vectors, matrices, cross, quartic = (
-        np.ascontiguousarray(np.stack(parts)) for parts in zip(*links, strict=True)
-    )
-    hub = np.array(plant.hub_inertia, dtype=float)
-    return Constants(scalars, vectors, matrices, cross, quartic, hub)
+    constants: Records = np.zeros(1, constants_type(plant.modes))
+    constants[0].hub[:] = plant.hub_inertia
+    for link in (0, 1):
+        _pack(constants[0].links[link], *_link(plant, bases[link], link, *ends[link]))
+    return constants
+
+
+def _pack(
+    record: Any,
+    scalars: FloatArray,
+    vectors: FloatArray,
+    matrices: FloatArray,
+    cross: FloatArray,
+    quartic: FloatArray,
+) -> None:
+    """Fill the record of a link; ``cross`` (N, N, N), ``quartic`` (N, N, N, N) as computed."""
+    for names, values in ((SCALARS, scalars), (VECTORS, vectors), (MATRICES, matrices)):
+        for name, value in zip(names, values, strict=True):
+            record[name] = value
+    record.cross[:] = np.transpose(cross, (2, 0, 1))
+    pairs = [(i, j) for i in range(len(cross)) for j in range(i + 1)]
+    for q, (k, m) in enumerate(pairs):
+        both = 1.0 if k == m else 2.0
+        record.cross_pairs[q] = both * cross[:, k, m]
+        for p, (i, j) in enumerate(pairs):
+            record.stretch[q, p] = 0.5 * both * (quartic[i, k, j, m] + quartic[i, m, j, k])
+            record.bend[q, p] = both * quartic[i, j, k, m]
 
 
 def _link(
@@ -156,4 +240,4 @@ def _link(
     cross = mass / length * short.cross + end_mass * np.multiply.outer(end, shortening)
     quartic = mass / square * short.quartic
     quartic = quartic + end_mass * np.multiply.outer(shortening, shortening)
-    return scalars, vectors, matrices, cross, np.transpose(quartic, (0, 2, 1, 3))
+    return scalars, vectors, matrices, cross, quartic

@@ -26,12 +26,17 @@ from flexarm_ros.core.arm.full.dynamics import (
     make_work,
     mass_and_bias,
     step,
-    Work,
 )
-from flexarm_ros.core.arm.full.model import Constants, DAMPING, make_constants, STIFFNESS
-from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits
+from flexarm_ros.core.arm.full.model import make_constants, Records
+from flexarm_ros.core.arm.plant import (
+    choose_substeps,
+    deflection_limits,
+    STABLE_PHASE,
+    steps_for,
+)
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.numerics.linalg import largest_rate
+from flexarm_ros.core.numerics.runge_kutta import DOP853, RK4
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import Timeline
@@ -47,6 +52,15 @@ modes of a third of its frequency lose 1e-8 per step.  The energy of a free
 motion then stays within 1e-6 over 5 s even after torque pulses.
 """
 
+_CLASSICAL_STEPS = 2
+"""
+Most steps of RK4 per tick; beyond, DOP853 with steps of up to ``STABLE_PHASE`` rad is used.
+
+Its 12 evaluations cost as many as three steps of RK4, and are more exact.  At 2 rad it reduces an
+undamped mode's amplitude by 2.7e-5 per step, at 1.5 rad by 1.5e-6, at 1 rad by 2.4e-8; it is
+stable up to 5.96 rad.
+"""
+
 _ANGLES = 25
 """Elbow angles from 0 to pi at which the highest rate is evaluated."""
 
@@ -54,13 +68,13 @@ _ANGLES = 25
 class FullRecord(NamedTuple):
     """The arguments of `step` beside the torques, for compiled code."""
 
-    constants: Constants
+    constants: Records
     q: FloatArray
     qd: FloatArray
     step: float
     substeps: int
-    mass: FloatArray
-    work: Work
+    order: int
+    work: Records
 
 
 class FullPlant:
@@ -79,19 +93,18 @@ class FullPlant:
         self.names = coordinate_names(config.plant.modes)
         self.limits = deflection_limits(config.plant)
         self.constants = make_constants(config.plant)
-        self.substeps = _substeps(config, period)
+        self.order, self.substeps = choose_integrator(config)
         self._step = period / self.substeps
         size = len(self.names)
         self.q: FloatArray = np.zeros(size)
         self.qd: FloatArray = np.zeros(size)
-        self._mass = np.zeros((size, size))
         self._work = make_work(config.plant.modes)
         self._ends = (0.0, 0.0, 0.0, 0.0)
 
     def step(self, tau1: float, tau2: float) -> None:
         """Advance by one tick with the joint torques, N m, held."""
         self._ends = step(
-            self.constants, self.q, self.qd, tau1, tau2, self._step, self.substeps, self._mass,
+            self.constants, self.q, self.qd, tau1, tau2, self._step, self.substeps, self.order,
             self._work,
         )  # fmt: skip
 
@@ -103,17 +116,17 @@ class FullPlant:
         """Overwrite the state, shapes ``(2 + 2 modes,)``."""
         self.q[:] = q
         self.qd[:] = qd
-        self._ends = end_deflections(self.constants.vectors, self.q, self.qd)
+        self._ends = end_deflections(self.constants, self.q, self.qd)
 
     def record(self) -> FullRecord:
         """Return the plant for compiled code, which advances it in place."""
         return FullRecord(
-            self.constants, self.q, self.qd, self._step, self.substeps, self._mass, self._work
+            self.constants, self.q, self.qd, self._step, self.substeps, self.order, self._work
         )
 
     def energy(self) -> float:
         """Return the kinetic plus the elastic energy, J."""
-        return float(energy(self.constants, self.q, self.qd, self._mass, self._work)[0])
+        return float(energy(self.constants, self.q, self.qd, self._work)[0])
 
     def momentum(self) -> float:
         """
@@ -121,16 +134,16 @@ class FullPlant:
 
         Without hub inertia this is the angular momentum about the shoulder.
         """
-        return float(energy(self.constants, self.q, self.qd, self._mass, self._work)[1])
+        return float(energy(self.constants, self.q, self.qd, self._work)[1])
 
 
 def mass_matrix(plant: PlantParameters, q: FloatArray) -> FloatArray:
     """Return M(q), shape ``(2 + 2N, 2 + 2N)``, of the full model at ``q``."""
-    size = 2 + 2 * plant.modes
-    lower, force = np.zeros((size, size)), np.zeros(size)
     work = make_work(plant.modes)
-    mass_and_bias(make_constants(plant), np.asarray(q, float), force.copy(), lower, force, work)
-    return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
+    at = np.array(q, dtype=float)
+    mass_and_bias(make_constants(plant), at, np.zeros_like(at), work)
+    lower = np.transpose(work[0].mass)
+    return np.asarray(np.tril(lower) + np.transpose(np.tril(lower, -1)))
 
 
 def elastic_diagonals(plant: PlantParameters) -> tuple[FloatArray, FloatArray]:
@@ -139,10 +152,10 @@ def elastic_diagonals(plant: PlantParameters) -> tuple[FloatArray, FloatArray]:
 
     Those of the joints are 0 and the viscous friction.
     """
-    vectors = make_constants(plant).vectors
+    links = make_constants(plant)[0].links
     return (
-        np.concatenate([np.zeros(2), vectors[:, STIFFNESS].ravel()]),
-        np.concatenate([np.array(plant.viscous_friction), vectors[:, DAMPING].ravel()]),
+        np.concatenate([np.zeros(2), links['stiffness'].ravel()]),
+        np.concatenate([np.array(plant.viscous_friction), links['damping'].ravel()]),
     )
 
 
@@ -157,8 +170,16 @@ def highest_frequency(config: RunConfig) -> float:
     return highest
 
 
-def _substeps(config: RunConfig, period: float) -> int:
-    highest = highest_frequency(config)
-    if config.plant.substeps is None:
-        return max(1, math.ceil(highest * period / ACCURATE_PHASE))
-    return choose_substeps(config.plant, period, highest)
+def choose_integrator(config: RunConfig) -> tuple[int, int]:
+    """
+    Return the order of the integrator, 4 or 8, and its steps per tick.
+
+    The order follows from the highest frequency and the tick alone, so that more
+    ``plant.substeps`` are always more exact.  Raises ``ValueError`` for too few of them.
+    """
+    period, highest = Timeline.of(config.run).period, highest_frequency(config)
+    classical = steps_for(highest, period, ACCURATE_PHASE)
+    order = RK4.order if classical <= _CLASSICAL_STEPS else DOP853.order
+    if config.plant.substeps is not None:
+        return order, choose_substeps(config.plant, period, highest)
+    return order, classical if order == RK4.order else steps_for(highest, period, STABLE_PHASE)

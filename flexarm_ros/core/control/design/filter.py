@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.arm.full.model import Constants
+from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.control.design.model import (
     Arm,
     discretise,
@@ -249,7 +249,7 @@ def drive_and_noise(
 
 @compiled
 def fill_filter(
-    arm: Arm, around: tuple[Constants, Constants, Constants, Constants], apart: float,
+    arm: Arm, around: tuple[Records, Records, Records, Records], apart: float,
     setup: FilterModel, grid: Grid, motion: Motion, gains: FloatArray,
 ) -> None:  # fmt: skip
     """Fill ``gains`` (K, total, 6), those of each interval's last tick with a tip reading."""

@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.arm.full.dynamics import acceleration, Work
-from flexarm_ros.core.arm.full.model import Constants
+from flexarm_ros.core.arm.full.dynamics import acceleration
+from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.arm.kinematics import elastic_point
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.linalg import multiply
@@ -47,28 +47,29 @@ class Arm(NamedTuple):
     The model: integrals, their change with EI and density, tip, sensed point, scratch.
 
     ``rigidity`` and ``density``: d(constants) / d(EI / EI_0) and of the density, on
-    the same shape functions, so that constants are linear in both.
+    the same shape functions, so that constants are linear in both; as flat numbers.
     """
 
-    con: Constants
-    rigidity: Constants
-    density: Constants
+    con: Records
+    rigidity: FloatArray
+    density: FloatArray
     tip: Point
     sensed: Point
-    mass: FloatArray
-    work: Work
+    work: Records
 
 
 @compiled
-def adjust(base: Constants, rigidity: Constants, density: Constants, ei: float, rho: float,
-           out: Constants) -> None:  # fmt: skip
-    """Set ``out`` to ``base`` with EI and density multiplied by 1 + ``ei`` and 1 + ``rho``."""
-    out.scalars[:] = base.scalars + ei * rigidity.scalars + rho * density.scalars
-    out.vectors[:] = base.vectors + ei * rigidity.vectors + rho * density.vectors
-    out.matrices[:] = base.matrices + ei * rigidity.matrices + rho * density.matrices
-    out.cross[:] = base.cross + ei * rigidity.cross + rho * density.cross
-    out.quartic[:] = base.quartic + ei * rigidity.quartic + rho * density.quartic
-    out.hub[:] = base.hub
+def adjust(
+    base: FloatArray, rigidity: FloatArray, density: FloatArray, ei: float, rho: float,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """
+    Set ``out`` to ``base`` with EI and density multiplied by 1 + ``ei`` and 1 + ``rho``.
+
+    All are numbers of constants, see :func:`flexarm_ros.core.arm.full.model.floats`.
+    """
+    for i in range(len(out)):
+        out[i] = base[i] + ei * rigidity[i] + rho * density[i]
 
 
 @compiled
@@ -85,23 +86,23 @@ def linearise(arm: Arm, state: FloatArray, tau1: float, tau2: float, rows: Float
     for j in range(1, 2 * n):
         kept = at[j]
         at[j] = kept + _STEP
-        acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.mass, high, arm.work)
+        acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.work, high)
         at[j] = kept - _STEP
-        acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.mass, low, arm.work)
+        acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.work, low)
         at[j] = kept
         for i in range(n):
             rows[i, j] = (high[i] - low[i]) / (2.0 * _STEP)
     # Affine in the torques: a difference over 1 N m is exact.
-    acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.mass, low, arm.work)
+    acceleration(arm.con, at[:n], at[n:], tau1, tau2, arm.work, low)
     for j in range(2):
-        acceleration(arm.con, at[:n], at[n:], tau1 + (1.0 - j), tau2 + j, arm.mass, high, arm.work)
+        acceleration(arm.con, at[:n], at[n:], tau1 + (1.0 - j), tau2 + j, arm.work, high)
         for i in range(n):
             rows[i, 2 * n + j] = high[i] - low[i]
 
 
 @compiled
 def sensitivity(
-    arm: Arm, around: tuple[Constants, Constants, Constants, Constants], change: float,
+    arm: Arm, around: tuple[Records, Records, Records, Records], change: float,
     state: FloatArray, tau1: float, tau2: float, rows: FloatArray,
 ) -> None:  # fmt: skip
     """
@@ -113,12 +114,12 @@ def sensitivity(
     low, high = np.zeros(n), np.zeros(n)
     q, qd = state[:n], state[n:]
     softer, stiffer, lighter, heavier = around
-    acceleration(softer, q, qd, tau1, tau2, arm.mass, low, arm.work)
-    acceleration(stiffer, q, qd, tau1, tau2, arm.mass, high, arm.work)
+    acceleration(softer, q, qd, tau1, tau2, arm.work, low)
+    acceleration(stiffer, q, qd, tau1, tau2, arm.work, high)
     for i in range(n):
         rows[i, 2 * n + 2] = (high[i] - low[i]) / change
-    acceleration(lighter, q, qd, tau1, tau2, arm.mass, low, arm.work)
-    acceleration(heavier, q, qd, tau1, tau2, arm.mass, high, arm.work)
+    acceleration(lighter, q, qd, tau1, tau2, arm.work, low)
+    acceleration(heavier, q, qd, tau1, tau2, arm.work, high)
     for i in range(n):
         rows[i, 2 * n + 3] = (high[i] - low[i]) / change
 

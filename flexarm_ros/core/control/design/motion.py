@@ -22,10 +22,10 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import make_work
-from flexarm_ros.core.arm.full.model import Constants, link_bases, make_constants_on
+from flexarm_ros.core.arm.full.model import floats, link_bases, make_constants_on, Records
 from flexarm_ros.core.arm.full.plant import FullPlant
 from flexarm_ros.core.arm.kinematics import inverse_kinematics, make_point
-from flexarm_ros.core.control.design.model import Arm, Point
+from flexarm_ros.core.control.design.model import adjust, Arm, Point
 from flexarm_ros.core.control.design.plan import fill_ticks, Grid, make_plan, Motion, Weights
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import (
@@ -67,10 +67,6 @@ def model_of(config: RunConfig) -> PlantParameters:
     )
 
 
-def _difference(a: Constants, b: Constants, factor: float) -> Constants:
-    return Constants(*((x - y) / factor for x, y in zip(a, b, strict=True)))
-
-
 def make_arm(plant: PlantParameters, location: float) -> Arm:
     """Return the model of ``plant`` with a sensor ``location`` m along the arm."""
     bases = link_bases(plant)
@@ -81,22 +77,22 @@ def make_arm(plant: PlantParameters, location: float) -> Arm:
     tip, sensed = (
         make_point(plant, at, True) for at in (plant.spans[0] + plant.spans[1], location)
     )
-    size = 2 + 2 * plant.modes
     return Arm(
-        con, _difference(stiff, con, 1.0), _difference(heavy, con, 1.0),
+        con, floats(stiff) - floats(con), floats(heavy) - floats(con),
         Point(tip.shapes, tip.shortening), Point(sensed.shapes, sensed.shortening),
-        np.zeros((size, size)), make_work(plant.modes),
+        make_work(plant.modes),
     )  # fmt: skip
 
 
-def around(arm: Arm) -> tuple[Constants, Constants, Constants, Constants]:
+def around(arm: Arm) -> tuple[Records, Records, Records, Records]:
     """Return constants with EI and then density lowered and raised by ``APART`` / 2."""
     half = 0.5 * APART
+    none = np.zeros_like(arm.rigidity)
+    ends = [arm.con.copy() for _ in range(4)]
     both = ((arm.rigidity, -half), (arm.rigidity, half), (arm.density, -half), (arm.density, half))
-    softer, stiffer, lighter, heavier = (
-        Constants(*(x + share * dx for x, dx in zip(arm.con, change, strict=True)))
-        for change, share in both
-    )
+    for end, (change, share) in zip(ends, both, strict=True):
+        adjust(floats(arm.con), change, none, share, 0.0, floats(end))
+    softer, stiffer, lighter, heavier = ends
     return softer, stiffer, lighter, heavier
 
 
@@ -154,7 +150,7 @@ def _plan(
     period_ns = timeline.period_ns
     arm = make_arm(plant, location)
     ticks = max(1, round(KNOT_S * NS_PER_S / period_ns))
-    grid = Grid(ticks, body.substeps, timeline.period / body.substeps)
+    grid = Grid(ticks, body.substeps, timeline.period / body.substeps, body.order)
     count = max(1, math.ceil(end_ns / (ticks * period_ns)))
     path = make_path(config)
     times = [j * ticks * period_ns for j in range(count + 1)]

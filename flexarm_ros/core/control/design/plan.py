@@ -71,11 +71,12 @@ class Weights(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """An interval is ``ticks`` ticks, each of ``substeps`` steps of ``step`` s."""
+    """An interval is ``ticks`` ticks, each of ``substeps`` steps of ``step`` s, of ``order``."""
 
     ticks: int
     substeps: int
     step: float
+    order: int
 
 
 class Motion(NamedTuple):
@@ -111,8 +112,9 @@ def advance(
             dense[i, : 2 * n] = state
             dense[i, 2 * n], dense[i, 2 * n + 1] = tau1, tau2
         step(
-            arm.con, state[:n], state[n:], tau1, tau2, grid.step, grid.substeps, arm.mass, arm.work
-        )
+            arm.con, state[:n], state[n:], tau1, tau2, grid.step, grid.substeps, grid.order,
+            arm.work,
+        )  # fmt: skip
 
 
 @compiled

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.arm.full.model import Constants
+from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.control.design.model import (
     Arm,
     interval_matrices,
@@ -92,7 +92,7 @@ def add_stage(
 
 @compiled
 def fill_regulator(
-    arm: Arm, around: tuple[Constants, Constants, Constants, Constants], apart: float,
+    arm: Arm, around: tuple[Records, Records, Records, Records], apart: float,
     weights: RegulatorWeights, grid: Grid, motion: Motion, beyond: int, gains: FloatArray,
 ) -> None:  # fmt: skip
     """
