@@ -34,6 +34,7 @@ from flexarm_ros.api.gymnasium_ids import register_ids
 
 if TYPE_CHECKING:
     from flexarm_ros.api.environment import FlexArmEnv
+    from flexarm_ros.api.identify import fit, predict
     from flexarm_ros.api.linear import linear_law, linearize
     from flexarm_ros.api.pictures import plot, report
     from flexarm_ros.api.run import load, Run
@@ -45,10 +46,12 @@ __all__ = [
     'Run',
     'ScenarioError',
     'configure',
+    'fit',
     'linear_law',
     'linearize',
     'load',
     'plot',
+    'predict',
     'report',
     'simulate',
 ]
@@ -58,10 +61,12 @@ _HOMES = {
     'Run': 'flexarm_ros.api.run',
     'ScenarioError': 'flexarm_ros.scenario',
     'configure': 'flexarm_ros.api.simulation',
+    'fit': 'flexarm_ros.api.identify',
     'linear_law': 'flexarm_ros.api.linear',
     'linearize': 'flexarm_ros.api.linear',
     'load': 'flexarm_ros.api.run',
     'plot': 'flexarm_ros.api.pictures',
+    'predict': 'flexarm_ros.api.identify',
     'report': 'flexarm_ros.api.pictures',
     'simulate': 'flexarm_ros.api.simulation',
 }

@@ -52,6 +52,8 @@ COMMANDS = {
     'modes': ('modes', 'print the natural frequencies of the arm'),
     'sweep': ('runs.sweep', 'run a parameter sweep in parallel into one table'),
     'stability': ('stability', 'print eigenvalues and margins of the sampled loop'),
+    'predict': ('predict', 'compare a recording of an arm with what a scenario predicts'),
+    'fit': ('fit', 'estimate parameters of a scenario from recordings of an arm'),
     'export': ('bags.export', "export a bag's messages as CSV or Parquet"),
     'compare': ('bags.compare', 'compare the messages of two runs'),
     'view': ('view', 'show a running simulation in a browser'),

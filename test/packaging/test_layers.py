@@ -29,7 +29,7 @@ import pytest
 from repository import SUPPORT
 
 # The outermost layer beside the command line, of those who have no ROS: nobody imports it.
-API_USES = {'core', 'stability', 'wire', 'scenario', 'bag', 'analysis', API}
+API_USES = {'core', 'stability', 'wire', 'scenario', 'bag', 'analysis', 'identification', API}
 # What the core cannot do itself, having no files: say where its compiled code is kept.
 HELPER = 'code_cache'
 WITHOUT_ROS = API_USES

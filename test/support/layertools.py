@@ -24,7 +24,10 @@ import repository
 
 PACKAGE = 'flexarm_ros'
 ROOT = repository.ROOT / PACKAGE
-LAYERS = ['core', 'stability', 'wire', 'scenario', 'bag', 'analysis', 'nodes', 'launcher', 'cli']
+LAYERS = [
+    *('core', 'stability', 'wire', 'scenario', 'bag', 'analysis', 'identification', 'nodes'),
+    *('launcher', 'cli'),
+]
 API = 'api'
 
 ROS = {

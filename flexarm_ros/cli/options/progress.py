@@ -152,3 +152,19 @@ class CountProgress(_Shown):
                 each = (time.monotonic() - self._start) / (done - self._first)
                 note += f', {each * (self._total - done):.0f} s left'
             self.say(note)
+
+
+class FitProgress(_Shown):
+    """Shows the iteration of a fit and the longest remaining time."""
+
+    def update(self, search: Any) -> None:
+        """Take a `flexarm_ros.identification.search.Search` in progress."""
+        left = search.seconds_left
+        note = (
+            f'round {search.round + 1} of 2, iteration {search.iterations}, '
+            f'{search.evaluations} trials, cost {search.best_cost:.6g}'
+        )
+        if self._bar is not None:
+            self._show(search.iterations, 2 * search.most, note)
+        elif self._line_is_due():
+            self.say(f'{self._name}: {note}' + (f', at most {left:.0f} s left' if left else ''))

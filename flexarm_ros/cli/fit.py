@@ -1,0 +1,121 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``flexarm fit``: estimate parameters of a scenario from recordings of an arm."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+from flexarm_ros.cli.predict import add_data_options, positive, print_table, say_notes
+from flexarm_ros.cli.signals import Deferred
+
+if TYPE_CHECKING:
+    from flexarm_ros.identification.fitting import Fit
+
+WINDOW = 2.0
+"""Default length of the windows, s, except in mode closed_loop."""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command to the main parser."""
+    parser = subparsers.add_parser(
+        'fit',
+        help='estimate parameters of a scenario from recordings of an arm',
+        description='Estimate the numbers KEY of a scenario by least squares, so that it predicts '
+        'the recordings DATA (CSV files, runs or bags) best. Each number gets a standard '
+        'deviation, from the sensitivities and the correlation time of the residuals, and a '
+        'status: identified, prior (only the prior tells it), or not identifiable. Writes '
+        'fit.json and fitted.yaml (a scenario) into DIR. An interrupted fit '
+        'continues when started again with the same --out.',
+        epilog='Exit status: 0; 1 if the search did not converge; 2 for bad data or a bad '
+        'scenario; 130, 143 or 129 after a signal, with the best numbers so far in DIR.',
+    )
+    parser.add_argument('data', nargs='+', metavar='DATA', help='a CSV file, a run or a bag')
+    add_data_options(parser)
+    parser.add_argument(
+        '--free', required=True, action='append', metavar='KEY[,KEY...]',
+        help='numbers to estimate: section.key, of an array both, or one as section.key.1',
+    )  # fmt: skip
+    parser.add_argument(
+        '--prior', action='append', default=[], metavar='KEY=VALUE+-STD',
+        help='what is known of a free number beforehand; may repeat',
+    )  # fmt: skip
+    parser.add_argument(
+        '--hold-out', action='append', default=[], metavar='DATA or T0:T1',
+        help='a recording, or a span of every one in s, on which the result is checked only',
+    )  # fmt: skip
+    parser.add_argument(
+        '--window', type=_window, metavar='T',
+        help=f'predict windows of T s, or whole: all at once, from rest (default {WINDOW:g}; '
+        'closed_loop: whole). Windows suit a real arm, whose model is never exact; whole suits '
+        'data with more noise than model error.',
+    )  # fmt: skip
+    parser.add_argument('--out', type=Path, required=True, metavar='DIR', help='output directory')
+
+
+def _window(text: str) -> float:
+    return math.inf if text == 'whole' else positive(text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, write the results; return 0, 1 without convergence, 130, 143 or 129 after a signal."""
+    from flexarm_ros.cli.options.output import check_utf8
+    from flexarm_ros.cli.options.progress import FitProgress
+    from flexarm_ros.identification.fitting import fit, prepare
+    from flexarm_ros.identification.store import write
+
+    default = math.inf if args.mode == 'closed_loop' else WINDOW
+    window = default if args.window is None else args.window
+    keys = [key for given in args.free for key in given.split(',') if key.strip()]
+    request = prepare(
+        args.data, args.scenario, keys, args.mode,
+        window if math.isfinite(window) else None, args.zero, args.prior, args.hold_out,
+        args.overrides,
+    )  # fmt: skip
+    for task in (*request.problem.tasks, *request.others):
+        say_notes('fit', task.recording)
+    check_utf8('--out ', str(args.out.absolute()))
+    args.out.mkdir(parents=True, exist_ok=True)
+    with Deferred() as signals, FitProgress('fit') as progress:
+        found = fit(
+            request, progress.update, lambda: bool(signals.signum), args.out / 'search.json'
+        )
+        files = write(found, args.out)
+    _print(found)
+    for path in files:
+        print(path)
+    if signals.signum:
+        print('flexarm fit: stopped; the same command goes on', file=sys.stderr)
+        return signals.status
+    return 0 if found.complete else 1
+
+
+def _print(found: Fit) -> None:
+    width = max(len(key) for key in found.parameters)
+    print(f'{"key":{width}s} {"value":>12s} {"std":>10s} {"start":>12s}  status')
+    for key, row in found.parameters.items():
+        std = '-' if row['std'] is None else f'{row["std"]:.2g}'
+        value, start = f'{row["value"]:.5g}', f'{row["start"]:.5g}'
+        print(f'{key:{width}s} {value:>12s} {std:>10s} {start:>12s}  {row["status"]}')
+    parts = {'fitted': found.channels, 'hold-out': found.held_out}
+    for title, channels in parts.items():
+        if channels:
+            print_table({name: channel.numbers() for name, channel in channels.items()}, title)
+    for warning in found.warnings:
+        print(f'flexarm fit: warning: {warning}', file=sys.stderr)

@@ -1,0 +1,21 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Measured arms: how well a scenario predicts a recording, and which parameters fit it best.
+
+``recording`` reads a CSV or a run into channels in SI units, ``arm`` makes the compiled model of a
+scenario's arm and sensor chain, ``predict`` compares it with a recording in windows, ``fit``
+estimates parameters by least squares.  No ROS is needed.
+"""

@@ -1,0 +1,165 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The least-squares problem of a fit: free parameters, their priors, and residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
+
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.identification.prediction import predict, Prediction
+from flexarm_ros.identification.recording import Recording
+from flexarm_ros.identification.setting import Setting, spec_of
+from flexarm_ros.scenario.errors import clip, ScenarioError
+import numpy as np
+
+Span = tuple[float, float]
+MOST_POINTS = 1 << 20
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A normal prior of one number."""
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Free:
+    """A free number: key, start, bounds (open at inf) and its prior."""
+
+    key: str
+    start: float
+    low: float
+    high: float
+    prior: Prior | None = None
+
+    @property
+    def scale(self) -> float:
+        """Return the size of a typical change, > 0."""
+        if self.prior is not None:
+            return self.prior.std
+        return abs(self.start) if self.start != 0.0 else 1.0
+
+
+def free_number(setting: Setting, key: str, prior: Prior | None) -> Free:
+    """Return a free number of a scenario with the range of its key."""
+    spec = spec_of(key)
+    low = -math.inf if spec.low is None else spec.low
+    high = math.inf if spec.high is None else spec.high
+    start = setting.number(key) if prior is None or setting.number(key) else prior.value
+    if spec.low_open:
+        low = np.nextafter(low, math.inf)
+    if prior is not None and not low <= prior.value <= high:
+        raise ScenarioError(f'--prior {key}: {prior.value:g} is out of range: {spec.allowed}')
+    return Free(key, min(max(start, low), high), low, high, prior)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A recording to fit, or of which some spans, s, are held out."""
+
+    recording: Recording
+    held_out: tuple[Span, ...] = ()
+
+    def mask(self, rows: int, inside: bool) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Return which samples are held out (``inside``), or which are not."""
+        times = self.recording.times[:rows]
+        held = np.zeros(rows, dtype=bool)
+        for first, last in self.held_out:
+            held |= (times >= first) & (times < last)
+        return held if inside else ~held
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is minimised: the weighted squares of the residuals and of the priors' deviations."""
+
+    setting: Setting
+    free: tuple[Free, ...]
+    tasks: tuple[Task, ...]
+    mode: str
+    window: float | None
+    zero: float | None
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Return the keys of the free numbers."""
+        return tuple(free.key for free in self.free)
+
+    def setting_at(self, values: FloatArray) -> Setting:
+        """Return the scenario with the free numbers set, (p,)."""
+        numbers = dict(zip(self.keys, map(float, values), strict=True))
+        return self.setting.with_numbers(numbers)
+
+    def predictions(self, values: FloatArray) -> list[Prediction]:
+        """Return the prediction of each task's recording."""
+        setting = self.setting_at(values)
+        return [
+            predict(task.recording, setting, self.mode, self.window, self.zero)
+            for task in self.tasks
+        ]
+
+    def residuals(self, values: FloatArray) -> list[tuple[str, FloatArray]]:
+        """Return channel and residual, in the channel's unit, of each channel that is fitted."""
+        found = []
+        for task, prediction in zip(self.tasks, self.predictions(values), strict=True):
+            for name, channel in prediction.channels.items():
+                used = channel.valid & task.mask(len(channel.valid), inside=False)
+                values_of = (channel.measured - channel.predicted)[used]
+                if len(values_of):
+                    found.append((name, np.nan_to_num(values_of, nan=1e6, posinf=1e6)))
+        if not found:
+            raise ScenarioError('nothing to fit: every sample is held out')
+        return found
+
+    def prior_residuals(self, values: FloatArray) -> FloatArray:
+        """Return the deviations from the priors, in std."""
+        return np.array(
+            [
+                (value - free.prior.value) / free.prior.std
+                for free, value in zip(self.free, values, strict=True)
+                if free.prior is not None
+            ]
+        )
+
+    def prior_std(self) -> FloatArray:
+        """Return the std of each prior, (p,); inf without one."""
+        return np.array([free.prior.std if free.prior else math.inf for free in self.free])
+
+
+Residuals = Callable[[FloatArray], list[tuple[str, FloatArray]]]
+
+
+def steps_of(free: Sequence[Free], values: FloatArray) -> FloatArray:
+    """Return the first step of the forward differences of each number, (p,)."""
+    sizes = np.array([max(abs(v), f.scale) for v, f in zip(values, free, strict=True)])
+    return np.asarray(1e-6 * sizes)
+
+
+def parse_prior(text: str) -> tuple[str, Prior]:
+    """Read ``KEY=VALUE+-STD``.  Raises ScenarioError."""
+    key, equals, rest = text.partition('=')
+    value, sign, std = rest.replace('±', '+-').partition('+-')
+    try:
+        prior = Prior(float(value), float(std))
+    except ValueError:
+        prior = Prior(math.nan, math.nan)
+    if not equals or not sign or not math.isfinite(prior.value) or not 0 < prior.std < math.inf:
+        raise ScenarioError(f'--prior {clip(text)}: give KEY=VALUE+-STD, with STD above 0')
+    return key.strip(), prior

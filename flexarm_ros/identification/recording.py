@@ -1,0 +1,302 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings of an arm: channels over time in SI units, from a CSV, a run or a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import csv
+from dataclasses import dataclass, replace
+import math
+import os
+from pathlib import Path
+import re
+from typing import Any
+
+from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
+import numpy as np
+
+PathLike = str | os.PathLike[str]
+
+_ANGLE = {'rad': 1.0, 'mrad': 1e-3, 'deg': math.pi / 180.0}
+_RATE = {'rad_s': 1.0, 'deg_s': math.pi / 180.0}
+_LENGTH = {'m': 1.0, 'mm': 1e-3}
+_UNITS: dict[str, dict[str, float]] = {
+    't': {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9},
+    'theta': _ANGLE,
+    'theta_rate': _RATE,
+    'theta_reference': _ANGLE,
+    'tau': {'nm': 1.0, 'mnm': 1e-3},
+    'i': {'a': 1.0, 'ma': 1e-3},
+    'strain': {'': 1.0, **_ANGLE, **_LENGTH},
+    'tip_x': _LENGTH,
+    'tip_y': _LENGTH,
+}
+"""Channel without the joint's or link's number -> unit suffix -> factor to SI."""
+
+LEAST_ROWS = 20
+MOST_BYTES = 512 * 1024 * 1024
+UNEVEN = 1e-3
+"""Largest deviation of a time step from the mean step, as a fraction, without resampling."""
+
+HELD_S = 0.05
+"""A channel that is exactly constant for at least this time at the start was held, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """
+    Channels of one arm over time.
+
+    ``times`` (n,): s, evenly spaced by ``period``, from 0.  ``channels``: name -> (n,) in rad,
+    rad/s, N m, A, m.  ``strain_units``: of each strain channel: ``angle`` (rad), ``deflection``
+    (m) or ``strain``.  ``notes``: a line for each column that is not used, and for resampling.
+    """
+
+    name: str
+    period: float
+    channels: Mapping[str, FloatArray]
+    strain_units: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Return the number of samples."""
+        return len(next(iter(self.channels.values())))
+
+    @property
+    def times(self) -> FloatArray:
+        """Return the time of each sample, s, from 0."""
+        return np.asarray(np.arange(self.rows) * self.period)
+
+    def pair(self, form: str) -> FloatArray:
+        """
+        Return two channels side by side, shape ``(n, 2)``.
+
+        ``form`` has a place for the number, ``theta{}``.  Raises ScenarioError if one is missing.
+        """
+        names = [form.format(number) for number in (1, 2)]
+        for name in names:
+            if name not in self.channels:
+                raise ScenarioError(
+                    f'{self.name}: no channel {name}; there are {", ".join(self.channels)}'
+                )
+        return np.ascontiguousarray(np.stack([self.channels[name] for name in names], axis=1))
+
+    def has(self, form: str) -> bool:
+        """Whether both channels of a form such as ``tau{}`` are there."""
+        return all(form.format(number) in self.channels for number in (1, 2))
+
+    def held_until(self, name: str) -> int:
+        """
+        Return the first sample at which a channel changes, 0 if it changes at once.
+
+        Until then a sensor program gave a constant (such as 0 while it removes its bias), so that
+        these samples are no measurement.
+        """
+        values = self.channels[name]
+        first = int(np.argmax(values != values[0])) if (values != values[0]).any() else 0
+        return first if first * self.period >= HELD_S else 0
+
+
+def read(path: PathLike) -> Recording:
+    """
+    Read a recording: a ``.csv`` file, or a run or bag of this package or another recorder.
+
+    Raises ScenarioError, one line, if it cannot be read or has no joint angles.
+    """
+    place = Path(path)
+    if place.suffix.lower() == '.csv' and place.is_file():
+        return read_csv(place)
+    return read_run(place)
+
+
+def read_csv(path: Path) -> Recording:
+    """Read a CSV whose header names each channel with its unit: ``theta1_deg``, ``i1_a``."""
+    name = clip(str(path), PATH_WIDTH)
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ScenarioError(f'{name}: larger than {MOST_BYTES} bytes')
+        with path.open(newline='', encoding='utf-8-sig') as file:
+            header = [text.strip() for text in next(csv.reader([file.readline()]), [])]
+            table = _table(file.read().splitlines(), len(header), name)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'not UTF-8 text'
+        raise ScenarioError(f'{name}: cannot be read: {reason}') from None
+    doubled = [column for column in header if header.count(column) > 1]
+    if doubled:
+        raise ScenarioError(f'{name}: two columns {clip(doubled[0])}')
+    return _taken(name, dict(zip(header, table.T, strict=True)))
+
+
+def read_columns(columns: Mapping[str, Any], name: str = 'data') -> Recording:
+    """Return columns, (n,) each, named with their unit as in a CSV.  Raises ScenarioError."""
+    table = {str(key): np.asarray(values, dtype=float) for key, values in columns.items()}
+    shapes = {values.shape for values in table.values()}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+        raise ScenarioError(f'{name}: columns of one length are needed, not {shapes}')
+    for key, values in table.items():
+        if len(values) < LEAST_ROWS or not np.isfinite(values).all():
+            raise ScenarioError(f'{name}: {key}: at least {LEAST_ROWS} finite numbers are needed')
+    return _taken(name, table)
+
+
+def _taken(name: str, table: Mapping[str, FloatArray]) -> Recording:
+    """Return the recording of columns by name."""
+    used: dict[str, FloatArray] = {}
+    units: dict[str, str] = {}
+    notes: list[str] = []
+    for column, values in table.items():
+        found = channel_of(column)
+        if found is None:
+            notes.append(f'column {clip(column)} is not used')
+            continue
+        channel, factor, unit = found
+        if channel in used:
+            raise ScenarioError(f'{name}: two columns for {channel}')
+        used[channel] = np.ascontiguousarray(values * factor)
+        if channel.startswith('strain'):
+            units[channel] = unit
+    if 't' not in used:
+        raise ScenarioError(f'{name}: no column t_s; the columns are {clip(", ".join(table))}')
+    return _even(name, used, units, notes)
+
+
+def channel_of(column: str) -> tuple[str, float, str] | None:
+    """
+    Return channel, factor to SI and, of a strain, its kind, of a column's name; None: unknown.
+
+    The kind is ``angle``, ``deflection`` or ``strain``.
+    """
+    found = re.fullmatch(r'(t|tip_[xy]|[a-z]+?)([12]?)((?:_rate|_reference)?)(?:_(\w+))?', column)
+    if found is None:
+        return None
+    stem, number, more, suffix = found.groups()
+    units = _UNITS.get(stem + more)
+    if units is None or (suffix or '') not in units or bool(number) == (stem in _UNNUMBERED):
+        return None
+    unit = suffix or ''
+    kind = 'angle' if unit in _ANGLE else 'deflection' if unit in _LENGTH else 'strain'
+    return f'{stem}{number}{more}', units[unit], kind
+
+
+_UNNUMBERED = ('t', 'tip_x', 'tip_y')
+
+
+def _table(lines: list[str], width: int, name: str) -> FloatArray:
+    if len(lines) < LEAST_ROWS:
+        raise ScenarioError(f'{name}: {len(lines)} rows; at least {LEAST_ROWS} are needed')
+    try:
+        table = np.loadtxt(lines, delimiter=',', ndmin=2)
+    except ValueError:
+        table = _slow_table(lines, width, name)
+    if table.shape[1] != width:
+        raise ScenarioError(f'{name}: {table.shape[1]} values a row, the header has {width}')
+    bad = np.argwhere(~np.isfinite(table))
+    if len(bad):
+        raise ScenarioError(f'{name}: row {bad[0][0] + 2}: a value is missing or not finite')
+    return np.asarray(table, dtype=float)
+
+
+def _slow_table(lines: list[str], width: int, name: str) -> FloatArray:
+    """Find the row that cannot be read, and say which it is."""
+    for row, values in enumerate(csv.reader(lines), start=2):
+        if len(values) != width:
+            raise ScenarioError(f'{name}: row {row}: {len(values)} values, the header has {width}')
+        for text in values:
+            try:
+                float(text)
+            except ValueError:
+                shown = clip(repr(text))
+                raise ScenarioError(f'{name}: row {row}: {shown} is not a number') from None
+    return np.array([[float(text) for text in values] for values in csv.reader(lines)])
+
+
+def _even(
+    name: str, used: dict[str, FloatArray], units: Mapping[str, str], notes: list[str]
+) -> Recording:
+    """Return the channels on even times; resampled linearly, with a note, where they are not."""
+    times = used.pop('t')
+    steps = np.diff(times)
+    if not (steps > 0.0).all():
+        row = int(np.argmin(steps > 0.0)) + 3
+        raise ScenarioError(f'{name}: row {row}: the time does not increase')
+    if not used:
+        raise ScenarioError(f'{name}: no column but the time is known{_hint(notes)}')
+    period = float((times[-1] - times[0]) / len(steps))
+    even = times[0] + period * np.arange(len(times))
+    if np.abs(times - even).max() > UNEVEN * period + 1e-9:
+        period = float(np.median(steps))
+        count = int((times[-1] - times[0]) / period * (1.0 + 1e-12)) + 1
+        even = times[0] + period * np.arange(count)
+        used = {key: np.interp(even, times, values) for key, values in used.items()}
+        notes.append(f'the times are uneven: resampled linearly every {period:.6g} s')
+    return Recording(name, period, used, dict(units), tuple(notes))
+
+
+def _hint(notes: list[str]) -> str:
+    columns = [note.split()[1] for note in notes if note.startswith('column ')]
+    known = [
+        f'{stem}{"" if stem in _UNNUMBERED else "1"}_{unit}'.rstrip('_')
+        for stem, allowed in _UNITS.items()
+        for unit in allowed
+    ]
+    return suggestion(columns[0], known) if columns else ''
+
+
+def read_run(path: Path) -> Recording:
+    """
+    Read a run or a bag: joint angles, torques, end deflections (as ``strain``, m), tip.
+
+    The columns are those of ``trajectory.csv``.
+    """
+    from flexarm_ros.analysis.report.runs import load_run, RunError
+
+    try:
+        run = load_run(path)
+    except RunError as error:
+        raise ScenarioError(str(error)) from None
+    columns = run.columns
+    names = {
+        **{f'theta{n}': f'theta{n}' for n in (1, 2)},
+        **{f'theta{n}_rate': f'dtheta{n}' for n in (1, 2)},
+        **{f'tau{n}': f'tau{n}' for n in (1, 2)},
+        **{f'strain{n}': f'delta{n}' for n in (1, 2)},
+        **{f'tip_{axis}': f'tip_{axis}' for axis in 'xy'},
+    }
+    whole = np.isfinite(np.stack([columns[column] for column in names.values()])).all(axis=0)
+    rows = len(columns['t']) if bool(np.all(whole)) else int(np.argmin(whole))
+    if rows < LEAST_ROWS:
+        raise ScenarioError(f'{path}: {rows} whole ticks; at least {LEAST_ROWS} are needed')
+    used = {'t': columns['t'][:rows]}
+    used.update({channel: columns[column][:rows] for channel, column in names.items()})
+    units = {f'strain{number}': 'end' for number in (1, 2)}
+    return _even(clip(str(path), PATH_WIDTH), used, units, [])
+
+
+def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
+    """
+    Return a recording whose channels are moved to when they were measured.
+
+    ``delays``: channel -> age of its samples, s.  Linear between samples; the last ones, which
+    are not there, repeat the last value.
+    """
+    channels = dict(recording.channels)
+    times = recording.times
+    for name, delay in delays.items():
+        if delay and name in channels:
+            channels[name] = np.interp(times + delay, times, channels[name])
+    return replace(recording, channels=channels)

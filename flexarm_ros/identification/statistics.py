@@ -1,0 +1,189 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Uncertainty of estimated parameters: covariance, what the data tell, scales that are free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flexarm_ros.core.numerics.compiled import FloatArray
+import numpy as np
+from numpy.typing import NDArray
+
+BoolArray = NDArray[np.bool_]
+
+NO_INFORMATION = 1e-8
+"""Smallest eigenvalue of the scaled information, per largest, that counts as information."""
+
+TAKES_PART = 1e-2
+"""Share of a parameter in a direction without information from which it counts as open."""
+
+_ROUNDING = 1e-12
+
+TELLS = 0.5
+"""Largest std, per value or per prior std, of a parameter that the data identify."""
+
+FREE_SCALE = 1e-5
+"""Information about a common scale of parameters, per information about each, that is none."""
+
+
+def correlation_length(residual: FloatArray) -> int:
+    """
+    Return the largest lag at which a residual is correlated by more than 0.2, at least 1.
+
+    The last one, not the first zero: what a wrong start state leaves oscillates.
+    """
+    values = residual - residual.mean()
+    power = float(values @ values)
+    if power == 0.0 or len(values) < 8:
+        return 1
+    size = 1 << (2 * len(values) - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(values, size)) ** 2
+    correlation = np.fft.irfft(spectrum, size)[: len(values) // 8] / power
+    above = np.flatnonzero(np.abs(correlation) > 0.2)
+    return max(1, int(above[-1])) if len(above) else 1
+
+
+def score_covariance(jacobian: FloatArray, residual: FloatArray, lags: int) -> FloatArray:
+    """
+    Return the covariance of J^T r, (p, p), for a residual with ``lags`` correlated samples.
+
+    Bartlett's window of four times that width (Newey and West 1987): never indefinite.
+    """
+    score = jacobian * residual[:, None]
+    total = score.T @ score
+    width = 4 * lags if lags > 1 else 0
+    for lag in range(1, min(width, len(score) - 1) + 1):
+        part = score[lag:].T @ score[:-lag]
+        total += (1.0 - lag / (width + 1.0)) * (part + part.T)
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """
+    Uncertainty of p parameters.
+
+    ``std`` (p,): inf where nothing is known; ``status``: ``identified``, ``prior`` or ``not
+    identifiable``; ``correlation`` (p, p).
+    """
+
+    std: FloatArray
+    status: tuple[str, ...]
+    correlation: FloatArray
+
+
+def estimate(
+    values: FloatArray,
+    blocks: Sequence[tuple[FloatArray, FloatArray]],
+    prior_std: FloatArray,
+) -> Estimate:
+    """
+    Return the uncertainty from each channel's Jacobian (n, p) and residual (n,), weighted alike.
+
+    ``prior_std`` (p,): inf without a prior.  A parameter is identified if the data alone, all
+    other parameters being free within their priors, tell it to half of its value; else it is told
+    by its prior, if that is what bounds it, or not identifiable.
+    """
+    count = len(values)
+    information = np.zeros((count, count))
+    scores = np.zeros((count, count))
+    for jacobian, residual in blocks:
+        information += jacobian.T @ jacobian
+        scores += score_covariance(jacobian, residual, correlation_length(residual))
+    precision = np.where(np.isfinite(prior_std), 1.0 / prior_std**2, 0.0)
+    # The information that the correlated residuals really carry, J^T J S^-1 J^T J, is compared
+    # with that of the priors; computed in units in which each parameter has information 1.
+    scale = np.sqrt(np.diag(information))
+    seen = scale > 0.0
+    std = np.full(count, np.inf)
+    alone = np.full(count, np.inf)
+    covariance = np.full((count, count), np.nan)
+    if seen.any():
+        part = np.ix_(seen, seen)
+        unit = scale[seen]
+        shaped = information[part] / np.outer(unit, unit)
+        noise = scores[part] / np.outer(unit, unit)
+        told = _information(shaped, noise)
+        own = told + np.diag(precision[seen] / unit**2)
+        inverse, open_ = _inverse(own)
+        covariance[part] = inverse / np.outer(unit, unit)
+        std[seen] = np.where(open_, np.inf, np.sqrt(np.diag(inverse)) / unit)
+        for place, index in enumerate(np.flatnonzero(seen)):
+            without = own.copy()
+            without[place, place] -= precision[index] / unit[place] ** 2
+            inverse, open_ = _inverse(without)
+            told_by_data = np.sqrt(inverse[place, place]) / unit[place]
+            alone[index] = np.inf if open_[place] else told_by_data
+    std = np.minimum(std, prior_std)
+    status = tuple(_status(values[i], alone[i], prior_std[i]) for i in range(count))
+    std = np.where([text == 'not identifiable' for text in status], np.maximum(std, alone), std)
+    return Estimate(std, status, _correlation(covariance))
+
+
+def _status(value: float, alone: float, prior: float) -> str:
+    if np.isfinite(prior):
+        return 'identified' if alone < TELLS * prior else 'prior'
+    reference = abs(value)
+    return 'identified' if alone <= TELLS * reference else 'not identifiable'
+
+
+def _information(shaped: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return J^T J S^-1 J^T J for S the covariance of the score, in the subspace that is seen."""
+    values, vectors = np.linalg.eigh(shaped)
+    kept = values > NO_INFORMATION * values[-1]
+    basis = vectors[:, kept]
+    inner = basis.T @ noise @ basis
+    gain = np.diag(values[kept])
+    floor = 1e-14 * max(float(np.trace(inner)), 1e-300) * np.eye(len(inner))
+    reduced = gain @ np.linalg.solve(inner + floor, gain)
+    return np.asarray(basis @ (0.5 * (reduced + reduced.T)) @ basis.T)
+
+
+def _inverse(matrix: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """
+    Return the inverse of an information matrix, and which parameters it leaves open.
+
+    Directions without information are left out of the inverse; open are the parameters that
+    take part in one.
+    """
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    known = values > _ROUNDING * values[-1]
+    inverse = vectors[:, known] @ np.diag(1.0 / values[known]) @ vectors[:, known].T
+    taking_part = np.sqrt(np.sum(vectors[:, ~known] ** 2, axis=1)) > TAKES_PART
+    return np.asarray(inverse / np.outer(scale, scale)), np.asarray(taking_part)
+
+
+def _correlation(covariance: FloatArray) -> FloatArray:
+    std = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid='ignore', divide='ignore'):
+        return np.asarray(np.clip(covariance / np.outer(std, std), -1.0, 1.0))
+
+
+def free_scale(
+    jacobians: Sequence[FloatArray], values: FloatArray, scaling: Sequence[bool]
+) -> bool:
+    """Whether a common factor on the ``scaling`` parameters leaves the residuals as they are."""
+    chosen = np.array(scaling)
+    if chosen.sum() < 2:
+        return False
+    together, single = 0.0, 0.0
+    for jacobian in jacobians:
+        columns = jacobian[:, chosen] * values[chosen]
+        together += float(np.sum(columns.sum(axis=1) ** 2))
+        single += float(np.sum(columns**2))
+    return together < FREE_SCALE * single

@@ -1,0 +1,47 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The files of a fit: ``fit.json`` and ``fitted.yaml``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from flexarm_ros.bag.mcap.files import naming
+from flexarm_ros.identification.fitting import Fit
+from flexarm_ros.identification.setting import text_of
+
+
+def write(fit: Fit, out: Path) -> list[Path]:
+    """Write the files of a fit into the directory ``out`` and return their paths."""
+    numbers: dict[str, Any] = fit.as_dict()
+    return [
+        _text(out / 'fit.json', json.dumps(numbers, indent=1, allow_nan=False) + '\n'),
+        _text(out / 'fitted.yaml', f'# {_source(fit)}\n{text_of(fit.setting)}'),
+    ]
+
+
+def _source(fit: Fit) -> str:
+    names = ', '.join(Path(task.recording.name).name for task in fit.problem.tasks)
+    return f'Fitted on {names}, mode {fit.problem.mode}; uncertainties are in fit.json'
+
+
+def _text(path: Path, text: str) -> Path:
+    partial = path.with_name(path.name + '.tmp')
+    with naming(path):
+        partial.write_text(text, 'utf-8', 'backslashreplace')
+        partial.replace(path)
+    return path
