@@ -18,5 +18,7 @@ from __future__ import annotations
 
 MODES = {
     'driven': 'joint angles as measured, deflections predicted',
+    'torque': 'from the measured torques or currents; windows start from the measured state',
+    'closed_loop': "the scenario's law on the scenario's arm, with the measured reference",
 }
 """Name -> what it is, for the help text."""

@@ -189,7 +189,7 @@ def driven(
     state = start.copy()
     h = period / substeps
     for k in range(first, last):
-        _sense(shapes, gauges, angles[k], state, before, outputs[k])
+        sense(shapes, gauges, angles[k], state, before, outputs[k])
         if correction.shape[1] > 0 and k > first:
             _correct(correction, measured[k], outputs[k], state, on, k)
             for link in range(2):
@@ -228,7 +228,7 @@ def _correct(
 
 
 @compiled
-def _sense(
+def sense(
     shapes: FloatArray,
     gauges: FloatArray,
     angles: FloatArray,

@@ -21,24 +21,14 @@ from dataclasses import dataclass
 import math
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.model import (
-    ArmModel,
-    check_model,
-    gauge_noise,
-    make_model,
-    observer_gain,
-)
+from flexarm_ros.identification.driving import BoolArray, predict_driven, prepare_driven
+from flexarm_ros.identification.flying import ANGLE, centred_rates, predict_torque, RATE
 from flexarm_ros.identification.modes import MODES
-from flexarm_ros.identification.motion import BIAS, driven, FILTERED, SLOPE
-from flexarm_ros.identification.recording import moved, Recording
+from flexarm_ros.identification.motion import BIAS
+from flexarm_ros.identification.recording import Recording
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError
 import numpy as np
-from numpy.typing import NDArray
-
-BoolArray = NDArray[np.bool_]
-NOISE_TIME = 1.0
-_NO_ROWS = np.zeros((0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,145 +106,6 @@ class Prediction:
         return {name: channel.numbers() for name, channel in self.channels.items()}
 
 
-@dataclass(frozen=True, eq=False)
-class DrivenData:
-    """
-    What a driven prediction needs of a recording: see `prepare_driven`.
-
-    ``has``: whether each gauge was recorded; ``noises``: the standard deviation of its noise,
-    from its first `NOISE_TIME` s.
-    """
-
-    recording: Recording
-    names: tuple[str, ...]
-    kinds: tuple[str, str]
-    raw_angles: FloatArray
-    measured: FloatArray
-    valid: BoolArray
-    on: NDArray[np.int64]
-
-    has: tuple[bool, bool]
-    noises: tuple[float, float]
-
-
-def prepare_driven(recording: Recording, setting: Setting) -> DrivenData:
-    """
-    Return the joint angles and strains of a recording; strains moved by the gauges' latency.
-
-    Raises ScenarioError if joint angles or both strains are missing.
-    """
-    check_model(setting)
-    names = tuple(name for name in ('strain1', 'strain2') if name in recording.channels)
-    if not names:
-        raise ScenarioError(f'{recording.name}: no channel strain1 or strain2 to predict')
-    angles = recording.pair('theta{}')
-    recording = moved(recording, dict.fromkeys(names, setting.gauge.latency))
-    measured = np.zeros_like(angles)
-    valid = np.zeros(angles.shape, dtype=bool)
-    on = np.zeros(2, dtype=np.int64)
-    kinds = ['angle', 'angle']
-    noises = [0.0, 0.0]
-    first_second = round(NOISE_TIME / recording.period)
-    for link, name in ((0, 'strain1'), (1, 'strain2')):
-        if name in names:
-            measured[:, link] = recording.channels[name]
-            first = recording.held_until(name)
-            on[link] = max(first - 1, 0)
-            valid[first:, link] = True
-            kinds[link] = recording.strain_units[name]
-            noises[link] = gauge_noise(measured[first : first + first_second, link])
-    return DrivenData(
-        recording, names, (kinds[0], kinds[1]), angles, measured, valid, on,
-        ('strain1' in names, 'strain2' in names), (noises[0], noises[1]),
-    )  # fmt: skip
-
-
-def driven_states(
-    data: DrivenData, model: ArmModel, angles: FloatArray, gain: FloatArray | None = None
-) -> FloatArray:
-    """
-    Return the state at each sample, (n, 4N + 4), by the observer: from the past alone.
-
-    ``gain``: that of the observer, if it is known.
-    """
-    outputs = np.zeros((len(angles), 2))
-    rest = np.zeros(model.size)
-    if gain is None:
-        # The level of the signals is the model's, so that no later sample of a gauge matters.
-        none = np.zeros((model.size, 0))
-        _drive(data, model, angles, 0, len(angles), rest, none, outputs, _NO_ROWS)
-        levels = np.std(outputs, axis=0) * data.has
-        elbow = float(np.median(angles[:, 1]))
-        gain = observer_gain(model, elbow, (levels[0], levels[1]), data.noises)
-    states = np.zeros((len(angles), model.size))
-    _drive(data, model, angles, 0, len(angles), rest, gain, outputs, states)
-    return states
-
-
-def _drive(
-    data: DrivenData, model: ArmModel, angles: FloatArray, first: int, last: int,
-    start: FloatArray, gain: FloatArray, outputs: FloatArray, states: FloatArray,
-) -> None:  # fmt: skip
-    driven(
-        model.constants, model.shapes, model.gauges, model.lowpass, angles, model.period,
-        model.substeps, data.on, first, last, start, gain, data.measured, outputs, states,
-        model.work,
-    )  # fmt: skip
-
-
-def zeroed(data: DrivenData, model: ArmModel, angles: FloatArray, zero: float) -> ArmModel:
-    """
-    Return the model with the gauges' constants taken from the first ``zero`` s.
-
-    A gauge whose program gave a constant at first (see `Recording.held_until`) had its mean over
-    that time, or ``zero`` s of it, subtracted: the model's mean, unfiltered, becomes that value.
-    Otherwise the mean of measured less predicted becomes 0.
-    """
-    count = max(1, min(round(zero / model.period), len(angles)))
-    plain = model.with_bias(np.zeros(2))
-    outputs, states = np.zeros((len(angles), 2)), np.zeros((len(angles), model.size))
-    none = np.zeros((model.size, 0))
-    _drive(data, plain, angles, 0, count, np.zeros(model.size), none, outputs, states)
-    bias = np.zeros(2)
-    for link in (0, 1):
-        held = int(min(data.on[link] + 1, count)) if data.on[link] > 0 else 0
-        if held:
-            part = slice(link * model.coordinates // 2, (link + 1) * model.coordinates // 2)
-            signal = states[:held, part] @ plain.shapes[link]
-            signal = signal + plain.gauges[link, SLOPE] * angles[:held, link]
-            bias[link] = data.measured[0, link] - float(np.mean(signal))
-        else:
-            bias[link] = float(np.mean(data.measured[:count, link] - outputs[:count, link]))
-    return model.with_bias(bias)
-
-
-def predict_driven(
-    data: DrivenData,
-    setting: Setting,
-    window: float | None,
-    zero: float | None,
-    gain: FloatArray | None = None,
-) -> tuple[FloatArray, ArmModel]:
-    """Return the predicted strains, (n, 2), and the model, with the offsets that were used."""
-    model = make_model(setting, data.recording.period, data.kinds)
-    offset = np.array(getattr(setting.config.encoder, 'offset', (0.0, 0.0)))
-    angles = np.ascontiguousarray(data.raw_angles - offset)
-    if zero is not None:
-        model = zeroed(data, model, angles, zero)
-    outputs = np.zeros((len(angles), 2))
-    none = np.zeros((model.size, 0))
-    if window is None:
-        starts, length = np.zeros((1, model.size)), len(angles)
-    else:
-        length = max(1, round(window / model.period))
-        starts = driven_states(data, model, angles, gain)[::length]
-    for number, start in enumerate(starts):
-        first = number * length
-        last = min(first + length, len(angles))
-        _drive(data, model, angles, first, last, start, none, outputs, _NO_ROWS)
-    return outputs, model
-
-
 def predict(
     recording: Recording,
     setting: Setting,
@@ -273,16 +124,37 @@ def predict(
     if window is not None and window < 2.0 * recording.period:
         raise ScenarioError(f'--window {window:g}: at least two samples, {2 * recording.period:g}')
     data = prepare_driven(recording, setting)
-    outputs, model = predict_driven(data, setting, window, zero)
+    if mode == 'driven':
+        outputs, model = predict_driven(data, setting, window, zero)
+    else:
+        outputs, model = predict_torque(data, setting, window, zero, mode == 'closed_loop')
     channels = {
         name: Channel(data.measured[:, link], outputs[:, link], data.valid[:, link])
         for link, name in ((0, 'strain1'), (1, 'strain2'))
         if name in data.names
     }
+    if mode != 'driven':
+        channels.update(_joint_channels(recording, data.raw_angles, outputs))
     offsets = {}
     if zero is not None:
         offsets = {name: float(model.gauges[int(name[-1]) - 1, BIAS]) for name in data.names}
     return Prediction(data.recording, mode, window, channels, offsets)
 
 
-__all__ = ['Channel', 'FILTERED', 'MODES', 'Prediction', 'predict']
+def _joint_channels(
+    recording: Recording, angles: FloatArray, outputs: FloatArray
+) -> dict[str, Channel]:
+    """Return the joint angles and rates; measured rates that were not recorded are derived."""
+    rates = centred_rates(angles, recording.period)
+    whole = np.ones(len(angles), dtype=bool)
+    found = {}
+    for i in (0, 1):
+        found[f'theta{i + 1}'] = Channel(angles[:, i], outputs[:, ANGLE + i], whole)
+    for i in (0, 1):
+        name = f'theta{i + 1}_rate'
+        measured = recording.channels.get(name, rates[:, i])
+        found[name] = Channel(measured, outputs[:, RATE + i], whole)
+    return found
+
+
+__all__ = ['Channel', 'MODES', 'Prediction', 'predict']

@@ -94,9 +94,10 @@ class Search:
         """Set the weight of each channel, from the whole of its samples."""
         squares: dict[str, list[float]] = {}
         if number == 0:
-            for task in self.problem.tasks:
-                for name, values in task.recording.channels.items():
-                    squares.setdefault(name, []).append(float(np.var(values)))
+            for prediction in self.problem.predictions(self.best):
+                for name, channel in prediction.channels.items():
+                    level = float(np.var(channel.measured[channel.valid]))
+                    squares.setdefault(name, []).append(level)
         else:
             for name, residual in self.problem.residuals(self.best):
                 lags = correlation_length(residual)
@@ -118,7 +119,7 @@ class Search:
             _strictly_inside(inside, low, high) / sizes,
             jac=lambda x: self.differences(x * sizes) * sizes,
             bounds=(low / sizes, high / sizes),
-            x_scale='jac', max_nfev=self.most, ftol=1e-6, xtol=1e-6, gtol=1e-10,
+            x_scale='jac', max_nfev=self.most, ftol=1e-5, xtol=1e-6, gtol=1e-10,
         )  # fmt: skip
 
     def _first_steps(self) -> None:
@@ -129,6 +130,8 @@ class Search:
         found = self._weighted(x)
         cost = 0.5 * float(found @ found)
         self.evaluations += 1
+        if self.evaluations == 1:
+            self.started = time.monotonic()  # what is compiled at first does not count
         if cost < self.best_cost:
             self.best, self.best_cost = x.copy(), cost
             self.report(self)

@@ -25,12 +25,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from flexarm_ros.core.parameters.sections import held_field, RunConfig, SECTIONS
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, with_section
 from flexarm_ros.core.parameters.spec import parameter, Spec, specs
 from flexarm_ros.scenario import dump, find
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
-from flexarm_ros.scenario.reader import _read, build, find_key, MAX_BYTES, parse_override, PathLike
+from flexarm_ros.scenario.reader import _read, build, MAX_BYTES, parse_override, PathLike
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree as Tree
 from flexarm_ros.scenario.yaml.rclyaml import parse, write
@@ -68,8 +68,38 @@ class GaugeParameters:
     )
 
 
-GAUGE = 'strain_gauge'
-"""The section of the strain gauges, which no part of a run reads yet."""
+@dataclass(frozen=True)
+class ActuatorParameters:
+    """Section ``actuator``: the drive of each joint, as far as it turns currents into torques."""
+
+    torque_constant: tuple[float, float] = parameter(
+        (1.0, 1.0), 'float2', 'N m/A', 'torque per current of each motor', low=0.0, low_open=True,
+        high=1e6,
+    )  # fmt: skip
+    gear_ratio: tuple[float, float] = parameter(
+        (1.0, 1.0), 'float2', '', 'motor turns per turn of each joint', low=0.0, low_open=True,
+        high=1e6,
+    )  # fmt: skip
+    efficiency: tuple[float, float] = parameter(
+        (1.0, 1.0), 'float2', '', 'torque at the joint per torque at the motor and gear ratio',
+        low=0.0, low_open=True, high=1.0,
+    )  # fmt: skip
+
+    @property
+    def joint_constant(self) -> tuple[float, float]:
+        """Return the torque at each joint per current, N m/A."""
+        first, second = (
+            constant * ratio * share
+            for constant, ratio, share in zip(
+                self.torque_constant, self.gear_ratio, self.efficiency, strict=True
+            )
+        )
+        return first, second
+
+
+GAUGE, ACTUATOR = 'strain_gauge', 'actuator'
+PENDING: dict[str, type] = {GAUGE: GaugeParameters, ACTUATOR: ActuatorParameters}
+"""Sections that no part of a run reads yet."""
 
 _NUMBERS = ('float', 'float2')
 
@@ -80,16 +110,18 @@ class Setting:
 
     config: RunConfig
     gauge: GaugeParameters = GaugeParameters()
+    actuator: ActuatorParameters = ActuatorParameters()
 
     def section(self, name: str) -> Any:
         """Return the parameters of a section."""
-        return self.gauge if name == GAUGE else getattr(self.config, held_field(name))
+        held = {GAUGE: self.gauge, ACTUATOR: self.actuator}
+        return held[name] if name in held else self.config.section(name)
 
     def with_section(self, name: str, values: Any) -> Setting:
         """Return this setting with other parameters in a section."""
-        if name == GAUGE:
-            return replace(self, gauge=values)
-        return replace(self, config=replace(self.config, **{held_field(name): values}))
+        if name in PENDING:
+            return replace(self, **{'gauge' if name == GAUGE else name: values})
+        return replace(self, config=with_section(self.config, name, values))
 
     def number(self, key: str) -> float:
         """Return the number of a key from `numbers_of`."""
@@ -113,7 +145,7 @@ class Setting:
 
 
 def _classes() -> dict[str, type]:
-    return {**SECTIONS, GAUGE: GaugeParameters}
+    return {**SECTIONS, **PENDING}
 
 
 def _split(key: str) -> tuple[str, str, int | None]:
@@ -178,29 +210,38 @@ def load_setting(source: PathLike, overrides: Iterable[str] = ()) -> Setting:
     name = clip(str(path), PATH_WIDTH)
     text = read_text(path, MAX_BYTES)
     tree = parse(text)
-    given: dict[str, Any] = {}
-    if isinstance(tree, Tree) and GAUGE in tree.entries:
-        body = tree.entries.pop(GAUGE)
-        if not isinstance(body, Tree) or set(body.entries) != {'ros__parameters'}:
-            raise ScenarioError(f'{name}: {GAUGE}: must hold one map, ros__parameters')
-        held = body.entries['ros__parameters']
-        given = dict(held.entries) if isinstance(held, Tree) else {}
-        text = _without_section(text, GAUGE)
+    given: dict[str, dict[str, Any]] = {section: {} for section in PENDING}
+    for section in PENDING:
+        if isinstance(tree, Tree) and section in tree.entries:
+            given[section] = _keys_of(name, section, tree.entries[section])
+            text = _without_section(text, section)
     values = _read(text, name, user=True)
     for override in overrides:
         key, equals, value = override.partition('=')
         section, _, rest = key.strip().lstrip('/').partition('.')
-        if section == GAUGE and equals:
-            given[rest] = parse(value)
+        if section in PENDING and equals:
+            given[section][rest] = parse(value)
         else:
             place, tree = parse_override(override)
             values[place] = tree
-    gauge = {}
-    for key, tree in given.items():
-        spec = _spec(GAUGE, key, f'{GAUGE}.{key}')
-        gauge[key] = convert(f'{GAUGE}.{key}', spec, tree)
+    made = {section: _made(section, trees) for section, trees in given.items()}
     config = build(values, torque_base=path.resolve().parent)
-    return Setting(config, GaugeParameters(**gauge))
+    return Setting(config, made[GAUGE], made[ACTUATOR])
+
+
+def _keys_of(name: str, section: str, body: Any) -> dict[str, Any]:
+    if not isinstance(body, Tree) or set(body.entries) != {'ros__parameters'}:
+        raise ScenarioError(f'{name}: {section}: must hold one map, ros__parameters')
+    held = body.entries['ros__parameters']
+    return dict(held.entries) if isinstance(held, Tree) else {}
+
+
+def _made(section: str, trees: Mapping[str, Any]) -> Any:
+    values = {}
+    for key, tree in trees.items():
+        full = f'{section}.{key}'
+        values[key] = convert(full, _spec(section, key, full), tree)
+    return PENDING[section](**values)
 
 
 def _without_section(text: str, section: str) -> str:
@@ -215,19 +256,14 @@ def _without_section(text: str, section: str) -> str:
 
 def text_of(setting: Setting) -> str:
     """Return a setting as a scenario file."""
-    gauge = {
-        key: list(value) if isinstance(value, tuple) else value
-        for key, (name, _, _) in specs(GaugeParameters).items()
-        for value in [getattr(setting.gauge, name)]
-    }
-    torque_file = setting.config.controller.torque_file
-    text = dump(setting.config, torque_file)
-    if setting.gauge == GaugeParameters():
-        return text
-    return text + write({GAUGE: {'ros__parameters': gauge}})
-
-
-__all__ = [
-    'GAUGE', 'GaugeParameters', 'Setting', 'find_key', 'load_setting', 'numbers_of', 'spec_of',
-    'text_of',
-]  # fmt: skip
+    text = dump(setting.config, setting.config.controller.torque_file)
+    for section, held in PENDING.items():
+        values = setting.section(section)
+        if values != held():
+            keys = {
+                key: list(value) if isinstance(value, tuple) else value
+                for key, (name, _, _) in specs(held).items()
+                for value in [getattr(values, name)]
+            }
+            text += write({section: {'ros__parameters': keys}})
+    return text
