@@ -94,6 +94,7 @@ REQUIREMENTS = [
     'networkx',  # imported by skfuzzy.control
     'numba>=0.57',
     'numpy>=1.22',
+    'orjson',  # trajectory.csv; without it the same text takes longer
     'rich',
     'rosbags>=0.11',  # reads single .db3 files
     'scikit-fuzzy>=0.5',

@@ -25,7 +25,6 @@ from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.run.trajectory_rows import Row
 import numpy as np
 from numpy.typing import NDArray
 
@@ -194,10 +193,9 @@ def load(path: str | os.PathLike[str]) -> Run:
     return Run(read.name, _structured(read.columns, read.rows), read.summary, read.directory)
 
 
-def table_of(rows: Sequence[Row], names: Sequence[str]) -> Table:
-    """Return rows of ``trajectory.csv`` with this header as a structured array."""
-    table = np.array(rows, dtype=float).reshape(len(rows), len(names))
-    return _structured(dict(zip(names, table.T, strict=True)), len(rows))
+def table_of(rows: FloatArray, names: Sequence[str]) -> Table:
+    """Return rows of ``trajectory.csv`` (n, m) with this header as a structured array."""
+    return _structured(dict(zip(names, rows.T, strict=True)), len(rows))
 
 
 def _structured(columns: Mapping[str, FloatArray], length: int) -> Table:

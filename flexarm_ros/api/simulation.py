@@ -164,18 +164,16 @@ def _fly(config: RunConfig, name: str) -> Run:
     """Simulate a scenario and keep the result in memory."""
     loop = ClosedLoop(config)
     rows, metrics = Rows(config), Metrics(config)
-    table: list[Row] = []
-    wall_s = 0.0
+    tables, wall_s = [np.empty((0, len(header(config))))], 0.0
     for block, seconds in _timed(loop_blocks(loop)):
         wall_s += seconds
-        for row in outputs.block_rows(rows, block):
-            metrics.add(row)
-            table.append(row)
+        tables.append(rows.table(block))
+        metrics.add_table(tables[-1])
     unstable = None
     if loop.unstable is not None and loop.unstable_tick is not None:
         unstable = (loop.unstable_tick, loop.unstable)
     summary = outputs.summary_of(config, metrics.result(), Provenance.here(name), wall_s, unstable)
-    return Run(name, table_of(table, header(config)), outputs.finite(summary))
+    return Run(name, table_of(np.concatenate(tables), header(config)), outputs.finite(summary))
 
 
 def _timed(blocks: Iterator[Block]) -> Iterator[tuple[Block, float]]:

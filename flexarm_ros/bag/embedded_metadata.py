@@ -50,14 +50,25 @@ def bag_config(config: RunConfig) -> RunConfig:
     )
 
 
-def front_matter(config: RunConfig, provenance: Provenance) -> dict[str, Mapping[str, str]]:
-    """Return the metadata records: the run, every resolved parameter (JSON), versions."""
+def scenario_text(config: RunConfig) -> str:
+    """Return the scenario as stored in a bag, as text."""
+    return scenario.dump(bag_config(config))
+
+
+def front_matter(
+    config: RunConfig, text: str, provenance: Provenance
+) -> dict[str, Mapping[str, str]]:
+    """
+    Return the metadata records: the run, every resolved parameter (JSON), versions.
+
+    ``text``: `scenario_text` of ``config``.
+    """
     parameters = {
         f'{section}.{key}': json.dumps(value)
         for section, keys in scenario.to_dict(bag_config(config)).items()
         for key, value in keys.items()
     }
-    text = scenario.dump(bag_config(config)) + scenario.write_torques(config.torques)
+    text += scenario.write_torques(config.torques)
     run = {
         'format': FORMAT,
         'sha256': hashlib.sha256(text.encode()).hexdigest(),
@@ -72,16 +83,18 @@ def front_matter(config: RunConfig, provenance: Provenance) -> dict[str, Mapping
     }
 
 
-def attachments(config: RunConfig, provenance: Provenance) -> list[tuple[str, str, str]]:
+def attachments(
+    config: RunConfig, text: str, provenance: Provenance
+) -> list[tuple[str, str, str]]:
     """
     Return ``(name, media type, text)`` of scenario, provenance and, if any, torque rows.
 
-    Attachments have their own checksums; a bag is read from them.
+    Attachments have their own checksums; a bag is read from them.  ``text``: `scenario_text`.
     """
     found = [
-        (SCENARIO_FILE, scenario.dump(bag_config(config))),
+        (SCENARIO_FILE, text),
         (PROVENANCE_FILE, json.dumps(provenance.to_dict(), indent=1)),
     ]
     if config.torques:
         found.append((TORQUES_FILE, scenario.write_torques(config.torques)))
-    return [(name, MEDIA_TYPES[name], text) for name, text in found]
+    return [(name, MEDIA_TYPES[name], content) for name, content in found]

@@ -51,7 +51,11 @@ class BagTopic:
     count: int
 
 
-class _Dumper(yaml.SafeDumper):
+_FASTEST: Any = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+"""libyaml's where PyYAML has it: the same text, 20 times as fast."""
+
+
+class _Dumper(_FASTEST):  # type: ignore[misc]
     """Writes YAML in full, without anchors."""
 
     def ignore_aliases(self, data: Any) -> bool:

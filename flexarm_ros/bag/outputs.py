@@ -21,7 +21,7 @@ simulation in one process, so that the two agree byte for byte.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 import contextlib
 from importlib import metadata
 import json
@@ -33,50 +33,20 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.embedded_metadata import bag_config
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
+from flexarm_ros.bag.number_text import csv_lines
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.metric_list import NAMES
 from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.parts import columns
 from flexarm_ros.core.run.real_time import RunTiming
-from flexarm_ros.core.run.trajectory_rows import header, Row, Rows
+from flexarm_ros.core.run.trajectory_rows import header, Rows
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.wire.topics import COMMAND, per_tick_topics, REFERENCE, STATE, TIP
 
 TRAJECTORY = 'trajectory.csv'
 SUMMARY = 'summary.json'
 
 _ROS_PACKAGES = ('rclpy', 'ros-rmw-fastrtps-cpp')
-
-
-def block_rows(rows: Rows, block: Block) -> Iterable[Row]:
-    """Yield the rows of ``trajectory.csv`` of a block, one per tick."""
-    state = block.values[STATE]
-    count = state.shape[1] // 2
-    coordinates = count - 2
-    positions, rates = state[:, :coordinates], state[:, count:-2]
-    ends = state[:, coordinates:count].tolist()
-    measured = block.values[TIP][:, :2].tolist()
-    torques = block.values[COMMAND].tolist()
-    published = block.values[REFERENCE][:, :2].tolist()
-    further = further_values(rows.config, block)
-    for i in range(len(block)):
-        yield rows.row(
-            block.first + i, positions[i], rates[i], _pair(ends[i]), _pair(measured[i]),
-            _pair(torques[i]), _pair(published[i]), further[i],
-        )  # fmt: skip
-
-
-def further_values(config: RunConfig, block: Block) -> list[tuple[float, ...]]:
-    """Return the values of the optional parts' columns, one tuple per tick."""
-    places = {topic.name: i for i, topic in enumerate(per_tick_topics(config))}
-    found = [block.values[places[c.topic]][:, c.place].tolist() for c in columns(config)]
-    return list(zip(*found, strict=True)) if found else [()] * len(block)
-
-
-def _pair(values: Sequence[float]) -> tuple[float, float]:
-    return values[0], values[1]
 
 
 def write_trajectory(
@@ -92,14 +62,12 @@ def write_trajectory(
     path = directory / TRAJECTORY
     temporary = path.with_name(path.name + '.tmp')
     try:
-        with open(temporary, 'w', encoding='ascii', newline='') as file:
-            file.write(','.join(header(config)) + '\n')
+        with open(temporary, 'wb') as file:
+            file.write((','.join(header(config)) + '\n').encode())
             for block in blocks:
-                lines = []
-                for row in block_rows(rows, block):
-                    metrics.add(row)
-                    lines.append(','.join([repr(float(value)) for value in row]))
-                file.write('\n'.join(lines) + '\n')
+                table = rows.table(block)
+                metrics.add_table(table)
+                file.write(csv_lines(table))
         os.replace(temporary, path)
     except OSError as error:
         raise BagError(f'{path}: cannot be written: {error.strerror}') from None

@@ -42,6 +42,7 @@ from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.timing import TimingLog
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.metrics import Metrics
 from flexarm_ros.core.run.real_time import RunTiming
 
@@ -120,9 +121,12 @@ def finish_run(
     unstable: tuple[int, str] | None = None,
     external: Iterable[str] = (),
     work: Work = lambda *_: None,
+    blocks: Iterable[Block] | None = None,
 ) -> dict[str, Any]:
     """
     Write ``trajectory.csv`` and ``summary.json`` from the bag; return the summary.
+
+    ``blocks``: all that a simulation has recorded in it, which saves reading the bag.
 
     A bag that was cut off (recorder killed, disk full) is rescued first, and the damaged one
     kept beside it; ``work`` receives the progress.  The bag states which nodes were external;
@@ -132,15 +136,18 @@ def finish_run(
     metrics = Metrics(config).result()
     timing: RunTiming | None = None
     try:
-        _mend_bag(directory, config, provenance, work)
-        reader = BagReader(directory)
-        provenance = replace(provenance, external=reader.provenance.external)
-        config = replace(config, changes=reader.config.changes)
-        log = TimingLog(config, reader.topics)
-        blocks = log.watch(reader.blocks())
-        metrics = write_trajectory(directory, config, blocks, provenance.external)
-        timing = log.timing
-        log.write(directory)
+        if blocks is None:
+            _mend_bag(directory, config, provenance, work)
+            reader = BagReader(directory)
+            provenance = replace(provenance, external=reader.provenance.external)
+            config = replace(config, changes=reader.config.changes)
+            log = TimingLog(config, reader.topics)
+            recorded = log.watch(reader.blocks())
+            metrics = write_trajectory(directory, config, recorded, provenance.external)
+            timing = log.timing
+            log.write(directory)
+        else:
+            metrics = write_trajectory(directory, config, blocks, provenance.external)
     except BagError as error:
         problem = problem or str(error)
     summary = summary_of(config, metrics, provenance, wall_s, unstable, problem, timing)

@@ -27,8 +27,12 @@ from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
+
+MOST_KEPT = 1 << 16
+"""Ticks of a run that are kept in memory (15 MiB); of a longer one the bag is read back."""
 
 
 def simulate(
@@ -51,10 +55,15 @@ def simulate(
     loop = ClosedLoop(config)
     prepare_directory(directory, config, name)
     total, interrupted = loop.timeline.ticks, False
+    kept: list[Block] | None = []
     with BagWriter(directory / BAG, config, Provenance.here(name)) as writer:
         start = time.perf_counter()
         for block in loop_blocks(loop):
             writer.write_block(block)
+            if kept is not None:
+                kept.append(block)
+            if loop.k > MOST_KEPT:
+                kept = None
             watch(loop.k, total)
             if stop():
                 interrupted = loop.k < total
@@ -64,4 +73,4 @@ def simulate(
     if loop.unstable is not None and loop.unstable_tick is not None:
         unstable = (loop.unstable_tick, loop.unstable)
     problem = f'interrupted at tick {loop.k}' if interrupted else ''
-    return finish_run(directory, config, name, wall_s, problem, unstable)
+    return finish_run(directory, config, name, wall_s, problem, unstable, blocks=kept)

@@ -29,10 +29,10 @@ import os
 from pathlib import Path
 from types import TracebackType
 
-from flexarm_ros.bag.embedded_metadata import attachments, FORMAT, front_matter
+from flexarm_ros.bag.embedded_metadata import attachments, FORMAT, front_matter, scenario_text
 from flexarm_ros.bag.errors import BagContentError, BagError
 from flexarm_ros.bag.mcap.files import make_directory, write_atomically
-from flexarm_ros.bag.mcap.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
+from flexarm_ros.bag.mcap.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER, RECORD_INDEX
 from flexarm_ros.bag.metadata import (
     bag_information,
     BagTopic,
@@ -41,6 +41,7 @@ from flexarm_ros.bag.metadata import (
     to_yaml,
 )
 from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.tick_records import TickRecords
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.block import Block
@@ -49,20 +50,9 @@ from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.cdr import ByteArray
 from flexarm_ros.wire.topics import per_tick_topics, Topic
 import numpy as np
+from numpy.typing import NDArray
 
 FILE_NAME = 'bag_0.mcap'
-
-RECORD_HEAD = np.dtype(
-    [
-        ('opcode', 'u1'),
-        ('length', '<u8'),
-        ('channel', '<u2'),
-        ('sequence', '<u4'),
-        ('log_time', '<u8'),
-        ('publish_time', '<u8'),
-    ]
-)
-"""`MESSAGE_HEADER` as a numpy type."""
 
 MAX_CHUNK = 8 * 1024 * 1024
 """A chunk ends at this many bytes even if ``recorder.chunk_time`` is longer."""
@@ -104,6 +94,7 @@ class BagWriter:
         self._missing: dict[int, int] = {}
         self._changes: dict[int, list[Change]] = {}
         self._changes_channel = 0
+        self._layouts: dict[tuple[int, ...], TickRecords] = {}
         self._clear_chunk()
         make_directory(self.directory)
         self._file = McapFile(self.directory / FILE_NAME, config.recorder.compression)
@@ -161,8 +152,9 @@ class BagWriter:
         ]
         for begin, count, due in self._alike(ticks):
             start = [topic.count(begin) - topic.count(first) for topic in self.topics]
-            rows = self._records(begin, due, [images[i][start[i] :][:count] for i in due])
-            self._append_rows(rows, due)
+            records = self._records(due)
+            rows = records.copy(begin, [images[i][start[i] :][:count] for i in due])
+            self._append_rows(rows, records)
 
     def _due(self, tick: int) -> list[int]:
         """Return the numbers of the topics that have a message of ``tick``."""
@@ -196,26 +188,21 @@ class BagWriter:
         """Add the next complete ticks as numbers; the same bytes, four times as fast."""
         if block.first != self._next or self._pending:
             raise BagError(f'{self.directory}: ticks from {block.first} where {self._next} is due')
-        images = [
-            topic.codec.encode_block(block.stamps[i], block.values[i])
-            for i, topic in enumerate(self.topics)
-        ]
         for begin, count, due in self._alike(range(block.first, block.first + len(block))):
             part = slice(begin - block.first, begin - block.first + count)
-            self._append_rows(self._records(begin, due, [images[i][part] for i in due]), due)
+            records = self._records(due)
+            stamps = [block.stamps[i][part] for i in due]
+            values = [block.values[i][part] for i in due]
+            self._append_rows(records.encode(begin, stamps, values), records)
 
-    def _append_rows(self, rows: ByteArray, due: Sequence[int]) -> None:
-        """
-        Append the records of the next ticks, one row per tick; end chunks where due.
-
-        ``due``: the topics in a row.
-        """
+    def _append_rows(self, rows: ByteArray, records: TickRecords) -> None:
+        """Append the records of the next ticks, one row per tick; end chunks where due."""
         done = 0
         while done < len(rows):
             room = self._chunk_ticks - self._next % self._chunk_ticks
             room = min(room, -(-(MAX_CHUNK - self._bytes) // rows.shape[1]))
             part = rows[done:][:room]
-            self._append(part, self._next, due)
+            self._append(part, self._next, records)
             done += len(part)
             self._next += len(part)
             self.complete_ticks += len(part)
@@ -281,9 +268,8 @@ class BagWriter:
 
     def _clear_chunk(self) -> None:
         self._parts: list[bytes] = []
-        self._channels: list[int] = []
-        self._times: list[int] = []
-        self._lengths: list[int] = []
+        self._index: list[NDArray[np.void]] = []
+        self._single: list[tuple[int, int, int]] = []
         self._bytes = 0
 
     def _emit(self, tick: int) -> None:
@@ -298,9 +284,7 @@ class BagWriter:
                 length = MESSAGE_FIXED + len(data)
                 parts.append(header(5, length, channel, sequence, stamp, stamp))
                 parts.append(data)
-                self._channels.append(channel)
-                self._times.append(stamp)
-                self._lengths.append(9 + length)
+                self._single.append((channel, stamp, 9 + length))
                 self._bytes += 9 + length
         if not self._missing.pop(tick):
             self.complete_ticks += 1
@@ -314,45 +298,28 @@ class BagWriter:
         length = MESSAGE_FIXED + len(data)
         header = MESSAGE_HEADER.pack(5, length, self._changes_channel, number, stamp, stamp)
         self._parts += [header, data]
-        self._channels.append(self._changes_channel)
-        self._times.append(stamp)
-        self._lengths.append(9 + length)
+        self._single.append((self._changes_channel, stamp, 9 + length))
         self._bytes += 9 + length
 
-    def _records(self, first: int, due: Sequence[int], messages: Sequence[ByteArray]) -> ByteArray:
-        """
-        Return the records of complete ticks as rows.
+    def _records(self, due: Sequence[int]) -> TickRecords:
+        """Return what makes the records of ticks with messages of the topics ``due``."""
+        key = tuple(due)
+        if key not in self._layouts:
+            self._layouts[key] = TickRecords(self.topics, key, self._period_ns)
+        return self._layouts[key]
 
-        ``messages``: those of each topic in ``due``, one row per tick.
-        """
-        count = len(messages[0])
-        ticks = np.arange(first, first + count)
-        parts: list[ByteArray] = []
-        for i, data in zip(due, messages, strict=True):
-            head = np.empty(count, RECORD_HEAD)
-            head['opcode'] = 5
-            head['length'] = MESSAGE_FIXED + data.shape[1]
-            head['channel'] = i + 1
-            head['sequence'] = ticks + 1
-            head['log_time'] = head['publish_time'] = T0_NS + ticks * self._period_ns
-            parts.append(head.view(np.uint8).reshape(count, RECORD_HEAD.itemsize))
-            parts.append(data)
-        return np.concatenate(parts, axis=1)
-
-    def _append(self, rows: ByteArray, first: int, due: Sequence[int]) -> None:
-        """Append records of complete ticks, with messages of the topics ``due``, to the chunk."""
-        count = len(rows)
-        stamps = range(
-            T0_NS + first * self._period_ns,
-            T0_NS + (first + count) * self._period_ns,
-            self._period_ns,
-        )
-        lengths = [9 + MESSAGE_FIXED + self.topics[i].codec.size for i in due]
+    def _append(self, rows: ByteArray, first: int, records: TickRecords) -> None:
+        """Append records of complete ticks to the chunk."""
+        self._gather_single()
         self._parts.append(rows.tobytes())
-        self._channels += [i + 1 for i in due] * count
-        self._times += [stamp for stamp in stamps for _ in lengths]
-        self._lengths += lengths * count
+        self._index.append(records.index(first, len(rows)))
         self._bytes += rows.size
+
+    def _gather_single(self) -> None:
+        """Move the index entries of messages that came one by one behind the others."""
+        if self._single:
+            self._index.append(np.array(self._single, RECORD_INDEX))
+            self._single = []
 
     def _end_chunk_if_due(self) -> None:
         if self._next % self._chunk_ticks == 0 or self._bytes >= MAX_CHUNK:
@@ -361,7 +328,8 @@ class BagWriter:
     def _end_chunk(self) -> None:
         if self._parts:
             data = b''.join(self._parts)
-            self._file.add_chunk(data, self._channels, self._times, self._lengths)
+            self._gather_single()
+            self._file.add_chunk(data, np.concatenate(self._index))
             self._clear_chunk()
 
     # --- before the messages -----------------------------------------------------------
@@ -380,7 +348,8 @@ class BagWriter:
                     'topic_type_hash': digest,
                 },
             )
-        for name, data in front_matter(config, self._provenance).items():
+        text = scenario_text(config)
+        for name, data in front_matter(config, text, self._provenance).items():
             self._file.add_metadata(name, data)
-        for name, media_type, text in attachments(config, self._provenance):
-            self._file.add_attachment(name, media_type, text.encode(), T0_NS)
+        for name, media_type, content in attachments(config, text, self._provenance):
+            self._file.add_attachment(name, media_type, content.encode(), T0_NS)

@@ -106,17 +106,17 @@ class Codec:
         self.type_name = type_name
         self.fields = tuple(fields)
         self.size = len(image.data)
-        self._template = bytes(image.data)
+        self.template = bytes(image.data)
         self._runs = image.runs
         *self._starts, slots = accumulate((count for _, count in image.runs), initial=0)
         if slots != len(self.fields):
             raise ValueError(f'{type_name}: {slots} slots for {len(self.fields)} fields')
         self._compile(image)
-        self._constant = np.frombuffer(self._template, np.uint8)
+        self._constant = np.frombuffer(self.template, np.uint8)
         self._fixed = np.frombuffer(bytes(0xFF * byte for byte in image.fixed), np.uint8)
-        runs = {f'run{i}': (f'{count}<f8', at) for i, (at, count) in enumerate(self._runs)}
+        runs = {f'run{i}': (f'({count},)<f8', at) for i, (at, count) in enumerate(self._runs)}
         parts = {'sec': ('<i4', _STAMP_OFFSET), 'nanosec': ('<u4', _STAMP_OFFSET + 4), **runs}
-        self._record = np.dtype({
+        self.record = np.dtype({
             'names': list(parts), 'formats': [form for form, _ in parts.values()],
             'offsets': [at for _, at in parts.values()], 'itemsize': self.size,
         })  # fmt: skip
@@ -141,7 +141,7 @@ class Codec:
         places = {kind: [i for i, k in enumerate(kinds) if k == kind] for kind in 'csv'}
         self._pick_constants, self._pick_values = _pick(places['c']), _pick(places['v'])
         self._sec, self._nanosec = places['s']
-        self._constants = self._pick_constants(self._struct.unpack(self._template))
+        self._constants = self._pick_constants(self._struct.unpack(self.template))
         order = np.argsort(places['c'] + places['s'] + places['v'])
         self._order = _pick(order.tolist())
 
@@ -163,7 +163,7 @@ class Codec:
 
     def _differs_at(self, data: bytes) -> int:
         """Return the start of the first constant span that differs."""
-        return next(a for a, b in self._spans if data[a:b] != self._template[a:b])
+        return next(a for a, b in self._spans if data[a:b] != self.template[a:b])
 
     def decode_any(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """
@@ -186,15 +186,20 @@ class Codec:
 
         Returns the messages as rows, shape ``(n, size)``, with the same bytes as :meth:`encode`.
         """
-        rows = np.tile(np.frombuffer(self._template, np.uint8), (len(stamps), 1))
-        pair = np.empty((len(stamps), 2), '<u4')
-        pair[:, 0] = stamps // _NS
-        pair[:, 1] = stamps % _NS
-        rows[:, _STAMP_OFFSET:_STAMP_END] = pair.view(np.uint8)
-        for (offset, count), start in zip(self._runs, self._starts, strict=True):
-            run = np.ascontiguousarray(values[:, start:][:, :count], '<f8')
-            rows[:, offset:][:, : 8 * count] = run.view(np.uint8)
+        rows = np.tile(np.frombuffer(self.template, np.uint8), (len(stamps), 1))
+        self.fill(rows.view(self.record)[:, 0], stamps, values)
         return rows
+
+    def fill(self, records: NDArray[np.void], stamps: IntArray, values: FloatArray) -> None:
+        """
+        Set the stamps ``(n,)``, ns, and the values ``(n, fields)`` of encoded messages.
+
+        ``records`` ``(n,)`` are of the type ``record`` and hold the bytes of ``template``.
+        """
+        records['sec'] = seconds = stamps // _NS
+        records['nanosec'] = stamps - seconds * _NS
+        for i, ((_, count), start) in enumerate(zip(self._runs, self._starts, strict=True)):
+            records[f'run{i}'] = values[:, start : start + count]
 
     def decode_block(self, messages: Sequence[bytes]) -> tuple[IntArray, FloatArray]:
         """
@@ -208,7 +213,7 @@ class Codec:
         if len(whole) == count * self.size and set(map(len, messages)) <= {self.size}:
             rows = np.frombuffer(whole, np.uint8).reshape(count, self.size)
             if not ((rows ^ self._constant) & self._fixed).any():
-                return self._fields_of(np.frombuffer(whole, self._record))
+                return self._fields_of(np.frombuffer(whole, self.record))
         stamps, values = np.empty(count, np.int64), np.empty((count, len(self.fields)))
         for i, data in enumerate(messages):
             stamps[i], values[i] = self.decode_any(data)

@@ -37,7 +37,7 @@ from flexarm_ros.bag.errors import (
     BagFormatError,
     BagLimitError,
 )
-from flexarm_ros.bag.mcap.mcapfile import MAGIC, McapFile
+from flexarm_ros.bag.mcap.mcapfile import MAGIC, McapFile, RECORD_INDEX
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.mcap.scan import MAX_CHUNK_DATA
 from flexarm_ros.bag.metadata import definition, read_counts
@@ -49,6 +49,7 @@ from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import lz4.frame
 from mcap.writer import CompressionType, Writer
+import numpy as np
 import pytest
 from repository import PATH
 import zstandard
@@ -312,7 +313,8 @@ def test_messages_at_the_wrong_time(stamps: list[int], match: str, tmp_path: Pat
     file.add_attachment('scenario.yaml', '', scenario.dump(CONFIG).encode(), 0)
     data = TOPICS[0].codec.encode(0)
     record = [struct.pack('<BQHIQQ', 5, 22 + len(data), 1, 1, s, s) + data for s in stamps]
-    file.add_chunk(b''.join(record), [1] * len(stamps), stamps, [43] * len(stamps))
+    index = [(1, stamp, 43) for stamp in stamps]
+    file.add_chunk(b''.join(record), np.array(index, RECORD_INDEX))
     file.finish()
     with pytest.raises(BagContentError, match=match):
         list(BagReader(directory).ticks())

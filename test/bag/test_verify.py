@@ -392,9 +392,10 @@ def write_as_another_version(
     """Write a bag whose scenario has what this version does not know."""
     with monkeypatch.context() as patch:
 
-        def attached(config: RunConfig, origin: Provenance) -> list[tuple[str, str, str]]:
-            found = frontmatter.attachments(config, origin)
-            text = found[0][2]
+        def attached(
+            config: RunConfig, text: str, origin: Provenance
+        ) -> list[tuple[str, str, str]]:
+            found = frontmatter.attachments(config, text, origin)
             for old, new in edits:
                 assert old in text
                 text = text.replace(old, new)

@@ -38,7 +38,6 @@ Row = dict[str, Any]
 """``index``, ``outcome``, ``error``, ``unstable_tick`` and the metrics of ``summary.json``."""
 
 OUTCOMES = ('stable', 'unstable', 'invalid', 'failed', 'crashed')
-_STOP_EVERY = 512
 
 
 class Stopped(Exception):
@@ -50,21 +49,17 @@ def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
     Simulate a scenario in this process and return its outcome and metrics.
 
     The numbers are those of ``summary.json`` of ``flexarm simulate``.  Raises Stopped once
-    ``stop()``, called every 512 ticks, is true.
+    ``stop()``, called after each block of ticks, is true.
     """
     from flexarm_ros.core.run.loop import ClosedLoop
+    from flexarm_ros.core.run.loop_blocks import loop_blocks
     from flexarm_ros.core.run.metrics import Metrics
     from flexarm_ros.core.run.trajectory_rows import Rows
 
     loop, rows, metrics = ClosedLoop(config), Rows(config), Metrics(config)
-    while (record := loop.tick()) is not None:
-        metrics.add(
-            rows.row(
-                record.k, record.q, record.qd, record.deflections[:2], record.tip[1:3],
-                record.torque,
-            )
-        )  # fmt: skip
-        if record.k % _STOP_EVERY == 0 and stop():
+    for block in loop_blocks(loop):
+        metrics.add_table(rows.table(block))
+        if stop():
             raise Stopped
     stable = loop.unstable is None
     return {

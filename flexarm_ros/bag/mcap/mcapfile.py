@@ -63,6 +63,21 @@ MESSAGE_HEADER = struct.Struct('<BQHIQQ')
 MESSAGE_FIXED = 2 + 4 + 8 + 8
 """Bytes of a message record that its length includes, before the data."""
 
+RECORD_HEAD = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)
+"""`MESSAGE_HEADER` as a numpy type."""
+
+RECORD_INDEX = np.dtype([('channel', 'u2'), ('time', 'u8'), ('length', 'u8')])
+"""A message record in a chunk: channel, log time (ns), bytes with opcode and length field."""
+
 _INDEX_HEADER = struct.Struct('<BQHI')
 _INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
 
@@ -72,17 +87,18 @@ def _compress_lz4(data: bytes) -> bytes:
     return packed
 
 
-def _compress_zstd(data: bytes) -> bytes:
-    # A new compressor each time: one must not be shared between threads.
-    return zstandard.ZstdCompressor(level=3).compress(data)
+Compress = Callable[[bytes], bytes]
 
-
-COMPRESSORS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
-    'none': ('', lambda data: data),
-    'lz4': ('lz4', _compress_lz4),
-    'zstd': ('zstd', _compress_zstd),
+COMPRESSORS: dict[str, tuple[str, Callable[[], Compress]]] = {
+    'none': ('', lambda: bytes),
+    'lz4': ('lz4', lambda: _compress_lz4),
+    'zstd': ('zstd', lambda: zstandard.ZstdCompressor(level=3).compress),
 }
-"""Name of a compression -> its name in the file and its function."""
+"""
+Name of a compression -> its name in the file and what makes its function.
+
+A function is for one file: a compressor of zstd must not be shared between threads.
+"""
 
 
 class McapFile:
@@ -96,7 +112,8 @@ class McapFile:
 
     def __init__(self, path: Path, compression: str) -> None:
         self.path = path
-        self._compression, self._compress = COMPRESSORS[compression]
+        self._compression, make_compress = COMPRESSORS[compression]
+        self._compress = make_compress()
         self._position = 0
         self._crc = 0
         self._schemas: list[Schema] = []
@@ -179,21 +196,15 @@ class McapFile:
         )
         self._put(record)
 
-    def add_chunk(
-        self, data: bytes, channels: Sequence[int], times: Sequence[int], lengths: Sequence[int]
-    ) -> None:
-        """
-        Add a chunk of message records.
-
-        For each record: its channel, its log time and its length in bytes, including opcode and
-        length field.
-        """
-        ids = np.asarray(channels, np.uint16)
-        stamps = np.asarray(times, np.uint64)
-        offsets = np.zeros(len(ids), np.uint64)
-        np.cumsum(lengths[:-1], out=offsets[1:], dtype=np.uint64)
+    def add_chunk(self, data: bytes, records: NDArray[np.void]) -> None:
+        """Add a chunk of message records; ``records``: the `RECORD_INDEX` of each."""
+        ids = records['channel']
+        entries = np.zeros(len(ids), _INDEX_ENTRY)
+        entries['time'] = records['time']
+        np.cumsum(records['length'][:-1], out=entries['offset'][1:])
         packed = self._compress(data)
-        start, first, last = self._position, min(times), max(times)
+        start = self._position
+        first, last = int(entries['time'].min()), int(entries['time'].max())
         chunk = Chunk(
             compression=self._compression,
             data=packed,
@@ -206,13 +217,12 @@ class McapFile:
         chunk_length = position = len(blob[0])
         index_offsets: dict[int, int] = {}
         for channel in sorted(self.counts):
-            mine = ids == channel
-            count = int(mine.sum())
-            if count:
+            mine = entries[ids == channel]
+            if len(mine):
                 index_offsets[channel] = start + position
-                blob.append(_message_index(channel, stamps[mine], offsets[mine]))
+                blob.append(_message_index(channel, mine))
                 position += len(blob[-1])
-                self.counts[channel] += count
+                self.counts[channel] += len(mine)
         self._put(b''.join(blob))
         self._chunks.append(
             ChunkIndex(
@@ -286,13 +296,6 @@ def _record(record: McapRecord) -> bytes:
     return data
 
 
-def _message_index(
-    channel: int,
-    times: NDArray[np.uint64],
-    offsets: NDArray[np.uint64],
-) -> bytes:
-    entries = np.empty(len(times), _INDEX_ENTRY)
-    entries['time'] = times
-    entries['offset'] = offsets
+def _message_index(channel: int, entries: NDArray[np.void]) -> bytes:
     raw = entries.tobytes()
     return _INDEX_HEADER.pack(Opcode.MESSAGE_INDEX, 6 + len(raw), channel, len(raw)) + raw

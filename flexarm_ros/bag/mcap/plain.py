@@ -21,13 +21,14 @@ from pathlib import Path
 
 from flexarm_ros.bag.embedded_metadata import MEDIA_TYPES
 from flexarm_ros.bag.mcap.files import make_directory, write_atomically
-from flexarm_ros.bag.mcap.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER
+from flexarm_ros.bag.mcap.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER, RECORD_INDEX
 from flexarm_ros.bag.mcap.scan import Message
 from flexarm_ros.bag.mcap.storage import Front
 from flexarm_ros.bag.metadata import bag_information, BagTopic, to_yaml
 from flexarm_ros.bag.writer import FILE_NAME
 from flexarm_ros.core.timeline import T0_NS
 from flexarm_ros.wire.topics import Qos
+import numpy as np
 
 ROSBAG2 = 'rosbag2'
 """The metadata record that rosbag2 reads; it is generated anew."""
@@ -70,18 +71,16 @@ class PlainWriter:
     def add(self, messages: Sequence[Message]) -> tuple[int, int]:
         """Write a chunk of messages; return the numbers of kept and dropped ones."""
         known = sorted((m for m in messages if m.channel in self._ids), key=lambda m: m.log_time)
-        parts, channels, times, lengths = [], [], [], []
+        parts, records = [], []
         for m in known:
             channel, length = self._ids[m.channel], MESSAGE_FIXED + len(m.data)
             parts.append(
                 MESSAGE_HEADER.pack(5, length, channel, m.sequence, m.log_time, m.publish_time)
             )
             parts.append(m.data)
-            channels.append(channel)
-            times.append(m.log_time)
-            lengths.append(9 + length)
+            records.append((channel, m.log_time, 9 + length))
         if parts:
-            self._file.add_chunk(b''.join(parts), channels, times, lengths)
+            self._file.add_chunk(b''.join(parts), np.array(records, RECORD_INDEX))
         return len(known), len(messages) - len(known)
 
     def __enter__(self) -> PlainWriter:

@@ -21,7 +21,6 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.outputs import block_rows
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.run.parts import columns
 from flexarm_ros.core.run.state import MessageState
@@ -54,8 +53,8 @@ def trajectory(reader: BagReader) -> Iterator[TickRow]:
 def _own(reader: BagReader) -> Iterator[TickRow]:
     rows = Rows(reader.config, reader.provenance.external)
     for block in reader.blocks():
-        for tick, row in enumerate(block_rows(rows, block), block.first):
-            yield TickRow(tick, row, True)
+        for tick, row in enumerate(rows.table(block).tolist(), block.first):
+            yield TickRow(tick, tuple(row), True)
 
 
 def _matched(reader: BagReader) -> Iterator[TickRow]:

@@ -274,6 +274,7 @@ class Kernel:
         self._loop = loop
         plant: Any = loop.plant
         self._encoder, self._tip, self._reference = encoder, tip, reference
+        self._topics = [signal.name for _, signal in parts.signals(loop.config)]
         self._width = 2 * len(loop.plant.names) + 4
         self._run = _RUN[type(loop.plant)]
         self._plant_record = plant.record()
@@ -335,7 +336,7 @@ class Kernel:
             part.REFERENCE: (now, ticks.reference),
             part.COMMAND: (now, ticks.torque),
         }
-        columns = [found[signal.name] for _, signal in parts.signals(self._config)]
+        columns = [found[topic] for topic in self._topics]
         return Block(
             first, tuple(stamps[:count] for stamps, _ in columns),
             tuple(values[:count] for _, values in columns),

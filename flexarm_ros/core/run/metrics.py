@@ -78,11 +78,17 @@ class Metrics:
         if len(self._rows) == _BLOCK:
             self._flush()
 
+    def add_table(self, table: FloatArray) -> None:
+        """Take the rows of the next ticks, shape ``(n, 20)`` or more columns."""
+        self._flush()
+        self._take(table)
+
     def _flush(self) -> None:
-        if not self._rows:
-            return
-        block = np.array(self._rows)
-        self._rows.clear()
+        if self._rows:
+            self._take(np.array(self._rows))
+            self._rows.clear()
+
+    def _take(self, block: FloatArray) -> None:
         accumulate(self._sums, block, self._lengths)
         self._watch_corners(block)
         self._done += len(block)

@@ -15,23 +15,28 @@
 """
 Rows of ``trajectory.csv``, one per tick, from the recorded messages of that tick.
 
-The same function computes the rows of a run in one process and those of a bag, so that the two
-agree bit for bit.
+The same compiled function computes the rows of a run in one process and those of a bag, so that
+the two agree bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 import math
+from typing import NamedTuple
 
 from flexarm_ros.core.arm.kinematics import elastic_point, make_point, rigid_point
-from flexarm_ros.core.control import gain_of
+from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
-from flexarm_ros.core.run.parts import columns
+from flexarm_ros.core.run.block import Block
+from flexarm_ros.core.run.part import COMMAND, REFERENCE, STATE, TIP
+from flexarm_ros.core.run.parts import columns, signals
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
-from flexarm_ros.core.trajectory import Reference
+from flexarm_ros.core.trajectory import make_path, point_at, Sides
+import numpy as np
+from numpy.typing import ArrayLike
 
 COLUMNS = (
     't', 'theta1', 'theta2', 'dtheta1', 'dtheta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y',
@@ -40,12 +45,31 @@ COLUMNS = (
 )  # fmt: skip
 """Header of ``trajectory.csv`` as far as it is the same in every run: s, rad, rad/s, m, N m."""
 
+_REFERENCE = COLUMNS.index('ref_x')
+
 Row = tuple[float, ...]
 
 
 def header(config: RunConfig) -> tuple[str, ...]:
     """Return the header of ``trajectory.csv``: `COLUMNS`, then those of optional parts."""
     return (*COLUMNS, *(column.name for column in columns(config)))
+
+
+class RowRecord(NamedTuple):
+    """
+    What rows need of a scenario, for compiled code.
+
+    ``sides``: of the trajectory; the last four: see `elastic_point`, of elbow and of tip.
+    """
+
+    period_ns: int
+    sides: Sides
+    length1: float
+    length2: float
+    elbow_shapes: FloatArray
+    elbow_shortening: FloatArray
+    tip_shapes: FloatArray
+    tip_shortening: FloatArray
 
 
 class Rows:
@@ -61,12 +85,21 @@ class Rows:
         self._own_law = 'controller' not in external
         self._own_reference = 'trajectory' not in external
         self._agenda = Agenda(config.changes)
-        self._period_ns = Timeline.of(config.run).period_ns
-        self._reference = Reference(config)
-        self._lengths = config.plant.spans
-        elbow = make_point(config.plant, self._lengths[0], elastic=True)
-        tip = make_point(config.plant, self._lengths[0] + self._lengths[1], elastic=True)
-        self._shapes = (elbow.shapes, elbow.shortening, tip.shapes, tip.shortening)
+        self._places = {signal.name: i for i, (_, signal) in enumerate(signals(config))}
+        self._columns = columns(config)
+        length1, length2 = config.plant.spans
+        elbow = make_point(config.plant, length1, elastic=True)
+        tip = make_point(config.plant, length1 + length2, elastic=True)
+        self._record = RowRecord(
+            Timeline.of(config.run).period_ns, make_path(config).record, length1, length2,
+            elbow.shapes, elbow.shortening, tip.shapes, tip.shortening,
+        )  # fmt: skip
+
+    def table(self, block: Block) -> FloatArray:
+        """Return the rows of a block, one a tick, in the order of `header`."""
+        values = [block.values[self._places[t]] for t in (STATE, TIP, REFERENCE, COMMAND)]
+        further = [block.values[self._places[c.topic]][:, c.place] for c in self._columns]
+        return self._fill(block.first, values, further)
 
     def row(
         self,
@@ -88,32 +121,62 @@ class Rows:
         recorded, used if the trajectory is external; ``further``: the values of the
         optional parts' columns.
         """
-        if k >= self._agenda.next:  # lambda depends on kn
-            for change in self._agenda.due(k):
-                self.config = changed(self.config, change)
-        reference = self._reference.at(k) if self._own_reference else published
-        joints_and_points = outline(q, qd, *self._lengths, *self._shapes)
-        th1, th2, dth1, dth2 = joints_and_points[:4]
-        return (
-            k * self._period_ns / NS_PER_S, th1, th2, dth1, dth2, *deflection,
-            *joints_and_points[4:], *measured, reference[0], reference[1], *torque,
-            gain_of(self.config, *deflection) if self._own_law else math.nan, *further,
-        )  # fmt: skip
+        state = np.array([[*q, *deflection, *qd, 0.0, 0.0]])  # rates of deflections: no column
+        points = [np.array([values], float) for values in (measured, published, torque)]
+        row: list[float] = self._fill(k, [state, *points], further)[0].tolist()
+        return tuple(row)
+
+    def _fill(
+        self, first: int, values: Sequence[FloatArray], further: Sequence[ArrayLike]
+    ) -> FloatArray:
+        """Return rows from ``first`` on, from the values of state, tip, reference and command."""
+        state, measured, published, torque = values
+        count = len(state)
+        table = np.empty((count, len(COLUMNS) + len(further)))
+        done = 0
+        while done < count:
+            if first + done >= self._agenda.next:  # lambda depends on kn
+                for change in self._agenda.due(first + done):
+                    self.config = changed(self.config, change)
+            end = int(min(count, self._agenda.next - first))
+            law = self.config.controller
+            fill_rows(
+                self._record, first + done, state[done:end], measured[done:end],
+                torque[done:end], law.kn if self._own_law and law.law == 'fls' else 0.0,
+                table[done:end],
+            )  # fmt: skip
+            done = end
+        if not self._own_reference:
+            table[:, _REFERENCE : _REFERENCE + 2] = published[:, :2]
+        for i, column in enumerate(further, len(COLUMNS)):
+            table[:, i] = column
+        return table
 
 
 @compiled
-def outline(
-    q: FloatArray,
-    qd: FloatArray,
-    length1: float,
-    length2: float,
-    elbow_shapes: FloatArray,
-    elbow_shortening: FloatArray,
-    tip_shapes: FloatArray,
-    tip_shortening: FloatArray,
-) -> tuple[float, float, float, float, float, float, float, float, float, float]:
-    """Return theta1, theta2, their rates, and x, y of bent elbow, bent tip and rigid tip."""
-    ex, ey, _, _ = elastic_point(q, qd, elbow_shapes, elbow_shortening)
-    x, y, _, _ = elastic_point(q, qd, tip_shapes, tip_shortening)
-    rx, ry, _, _ = rigid_point(length1, length2, q[0], q[1], 0.0, 0.0)
-    return q[0], q[1], qd[0], qd[1], ex, ey, x, y, rx, ry
+def fill_rows(
+    run: RowRecord, first: int, state: FloatArray, measured: FloatArray, torque: FloatArray,
+    kn: float, table: FloatArray,
+) -> None:  # fmt: skip
+    """
+    Fill the `COLUMNS` of ``table`` (n, 20 or more), ticks from ``first`` on.
+
+    ``state`` (n, 2 c + 4), ``measured`` (n, 2 or more), ``torque`` (n, 2): values of the
+    messages; ``kn``: of the fuzzy law, 0 where lambda is nan.
+    """
+    n = state.shape[1] // 2 - 2
+    for i in range(len(state)):
+        k, row = first + i, table[i]
+        q, qd = state[i, :n], state[i, n + 2 : -2]
+        delta1, delta2 = state[i, n], state[i, n + 1]
+        elbow = elastic_point(q, qd, run.elbow_shapes, run.elbow_shortening)
+        tip = elastic_point(q, qd, run.tip_shapes, run.tip_shortening)
+        rigid = rigid_point(run.length1, run.length2, q[0], q[1], 0.0, 0.0)
+        path = run.sides
+        reference = point_at(path.times, path.lines, path.lap_ns, path.smooth, k * run.period_ns)
+        row[0] = k * run.period_ns / NS_PER_S
+        row[1], row[2], row[3], row[4], row[5], row[6] = q[0], q[1], qd[0], qd[1], delta1, delta2
+        row[7], row[8], row[9], row[10] = elbow[0], elbow[1], tip[0], tip[1]
+        row[11], row[12], row[13], row[14] = rigid[0], rigid[1], measured[i, 0], measured[i, 1]
+        row[15], row[16], row[17], row[18] = reference[0], reference[1], torque[i, 0], torque[i, 1]
+        row[19] = fls_lambda(delta1 / kn, delta2 / kn) if kn > 0.0 else math.nan
