@@ -25,7 +25,7 @@ import asyncio
 
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.cli import UsageError
-from flexarm_ros.cli.runs.launched import ARGUMENTS, LaunchedRun
+from flexarm_ros.cli.running.launched import ARGUMENTS, LaunchedRun
 from flexarm_ros.core.run.parts import PARTS, roles
 from flexarm_ros.launcher.run import VERDICT_S
 from flexarm_ros.scenario import ScenarioError

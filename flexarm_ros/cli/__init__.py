@@ -15,7 +15,7 @@
 """
 The command ``flexarm``.
 
-Each command is a module here, in `cli.runs` (commands that make runs) or in `cli.bags`
+Each command is a module here, in `cli.running` (commands that make runs) or in `cli.bags`
 (commands that read them), with ``add_parser(subparsers)`` and ``run(args) -> int``, the exit
 status.  What several of them share is in `cli.options`.  Only the module of the given command is
 imported, so that ``flexarm --help`` is fast and ``simulate`` needs no ROS.
@@ -41,16 +41,16 @@ from flexarm_ros.core.warned import allow_warnings
 
 COMMANDS = {
     'list': ('listing', 'list the shipped scenarios and suites'),
-    'run': ('runs.run', 'run a scenario as ROS 2 nodes in lock-step and record it'),
-    'simulate': ('runs.simulate', 'simulate a scenario in one process, without ROS'),
-    'suite': ('runs.suite', 'run many scenarios and check their expectations'),
+    'run': ('running.run', 'run a scenario as ROS 2 nodes in lock-step and record it'),
+    'simulate': ('running.simulate', 'simulate a scenario in one process, without ROS'),
+    'suite': ('running.suite', 'run many scenarios and check their expectations'),
     'replay': ('bags.replay', 'publish a recorded run again'),
     'verify': ('bags.verify', 'recompute a recorded run and compare every message'),
     'digest': ('bags.digest', 'print one SHA-256 of all messages of a run'),
     'recover': ('bags.recover', 'recover a damaged bag into a new one'),
     'report': ('bags.report', 'write figures and an HTML report of runs'),
     'modes': ('modes', 'print the natural frequencies of the arm'),
-    'sweep': ('runs.sweep', 'run a parameter sweep in parallel into one table'),
+    'sweep': ('running.sweep', 'run a parameter sweep in parallel into one table'),
     'stability': ('stability', 'print eigenvalues and margins of the sampled loop'),
     'predict': ('predict', 'compare a recording of an arm with what a scenario predicts'),
     'fit': ('fit', 'estimate parameters of a scenario from recordings of an arm'),

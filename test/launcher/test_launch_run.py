@@ -27,7 +27,7 @@ import sys
 from flexarm_ros import scenario
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.options.progress import Progress
-from flexarm_ros.cli.runs.launched import ARGUMENTS, LaunchedRun, read_rtf, split_overrides
+from flexarm_ros.cli.running.launched import ARGUMENTS, LaunchedRun, read_rtf, split_overrides
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import roles
 from flexarm_ros.launcher.reports import RunWatch

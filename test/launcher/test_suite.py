@@ -28,7 +28,7 @@ import xml.etree.ElementTree as ET
 
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.simulation import simulate
-from flexarm_ros.cli.runs.suite_table import SuiteTable
+from flexarm_ros.cli.running.suite_table import SuiteTable
 from flexarm_ros.launcher import suite as launcher
 from flexarm_ros.launcher.junit import write_junit
 from flexarm_ros.launcher.subprocess_simulation import simulate_apart

@@ -33,7 +33,7 @@ from flexarm_ros.bag.checks.compare import compare
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import finish_run, prepare_directory
 from flexarm_ros.cli.options.output import show_outcome
-from flexarm_ros.cli.runs.suite_table import print_result
+from flexarm_ros.cli.running.suite_table import print_result
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.launcher.junit import write_junit
 from flexarm_ros.launcher.suite import CaseResult, judge

@@ -59,7 +59,7 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the suite; return 0 if it passed, 1 if not, 130, 143 or 129 after a signal."""
     from flexarm_ros.cli.options.output import new_directory
-    from flexarm_ros.cli.runs.suite_table import print_result, SuiteTable
+    from flexarm_ros.cli.running.suite_table import print_result, SuiteTable
     from flexarm_ros.launcher.junit import write_junit
     from flexarm_ros.launcher.suite import default_jobs, run_suite
     from flexarm_ros.scenario.suites.suite import load

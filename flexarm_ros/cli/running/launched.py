@@ -31,8 +31,8 @@ from typing import NamedTuple
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.recording import default_name, prepare_directory
-from flexarm_ros.cli.options import namespace
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.options import namespace
 from flexarm_ros.cli.options.domain import chosen_domain
 from flexarm_ros.cli.options.output import new_directory, show_outcome
 from flexarm_ros.cli.options.progress import Progress
