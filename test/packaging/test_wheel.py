@@ -113,9 +113,16 @@ def test_installed_wheel_finds_its_scenarios(prefix: Path, tmp_path: Path) -> No
 def test_executables_run_on_the_python_of_their_prefix(prefix: Path, tmp_path: Path) -> None:
     bad = tmp_path / 'bad.yaml'
     bad.write_text('/**:\n  ros__parameters:\n    no_such_key: 1\n')
+    further = {'node': ['encoder']}  # `node` takes the role
     processes = {
         name: subprocess.Popen(
-            [prefix / 'lib/flexarm_ros' / name, '--ros-args', '--params-file', bad],
+            [
+                prefix / 'lib/flexarm_ros' / name,
+                *further.get(name, []),
+                '--ros-args',
+                '--params-file',
+                bad,
+            ],
             cwd=tmp_path,
             stderr=subprocess.PIPE,
             text=True,
@@ -125,7 +132,7 @@ def test_executables_run_on_the_python_of_their_prefix(prefix: Path, tmp_path: P
     for name, process in processes.items():
         _, said = process.communicate(timeout=60)
         assert process.returncode == 2, said
-        assert said.startswith(f'{name}: '), said
+        assert said.startswith(f'{further.get(name, [name])[0]}: '), said
         assert 'no_such_key' in said
         assert 'Traceback' not in said
 
