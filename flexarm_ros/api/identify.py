@@ -81,6 +81,7 @@ def fit(
     priors: Mapping[str, tuple[float, float]] | None = None,
     hold_out: Sequence[Data] = (),
     overrides: Sequence[str] = (),
+    channels: Sequence[str] = (),
 ) -> fitting.Fit:
     """
     Estimate numbers of a scenario from recordings of an arm, by least squares.
@@ -100,6 +101,9 @@ def fit(
     hold_out
         Recordings, or spans ``"T0:T1"`` in s of every one, that are not fitted but checked.
 
+    channels
+        Names of the channels to fit; empty: every one of the mode.
+
     Returns
     -------
     Fit
@@ -116,7 +120,7 @@ def fit(
     texts = [f'{key}={value!r}+-{std!r}' for key, (value, std) in (priors or {}).items()]
     request = fitting.prepare(
         [_recording(one) for one in several], scenario, free, mode, window, zero, texts,
-        [_held_out(one) for one in hold_out], overrides,
+        [_held_out(one) for one in hold_out], overrides, channels,
     )  # fmt: skip
     return fitting.fit(request)
 

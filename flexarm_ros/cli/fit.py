@@ -41,7 +41,7 @@ def add_parser(subparsers: Any) -> None:
         'the recordings DATA (CSV files, runs or bags) best. Each number gets a standard '
         'deviation, from the sensitivities and the correlation time of the residuals, and a '
         'status: identified, prior (only the prior tells it), or not identifiable. Writes '
-        'fit.json and fitted.yaml (a scenario) into DIR. An interrupted fit '
+        'fit.json, fitted.yaml (a scenario), pictures and fit.html into DIR. An interrupted fit '
         'continues when started again with the same --out.',
         epilog='Exit status: 0; 1 if the search did not converge; 2 for bad data or a bad '
         'scenario; 130, 143 or 129 after a signal, with the best numbers so far in DIR.',
@@ -66,7 +66,12 @@ def add_parser(subparsers: Any) -> None:
         'closed_loop: whole). Windows suit a real arm, whose model is never exact; whole suits '
         'data with more noise than model error.',
     )  # fmt: skip
+    parser.add_argument(
+        '--channels', metavar='NAME[,NAME...]',
+        help='fit these channels, as strain1,theta1_rate (default: every one of the mode)',
+    )  # fmt: skip
     parser.add_argument('--out', type=Path, required=True, metavar='DIR', help='output directory')
+    parser.add_argument('--no-pictures', action='store_true', help='write no pictures, no page')
 
 
 def _window(text: str) -> float:
@@ -87,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
         args.data, args.scenario, keys, args.mode,
         window if math.isfinite(window) else None, args.zero, args.prior, args.hold_out,
         args.overrides,
+        [name.strip() for name in args.channels.split(',')] if args.channels else (),
     )  # fmt: skip
     for task in (*request.problem.tasks, *request.others):
         say_notes('fit', task.recording)
@@ -96,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
         found = fit(
             request, progress.update, lambda: bool(signals.signum), args.out / 'search.json'
         )
-        files = write(found, args.out)
+        files = write(found, args.out, not (args.no_pictures or signals.signum))
     _print(found)
     for path in files:
         print(path)

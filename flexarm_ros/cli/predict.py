@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 import json
 import math
 from pathlib import Path
@@ -86,7 +87,7 @@ def positive(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Print the comparison; return 0."""
-    from flexarm_ros.identification.prediction import predict
+    from flexarm_ros.identification.prediction import predict, ringing_of
     from flexarm_ros.identification.recording import read
     from flexarm_ros.identification.setting import load_setting
 
@@ -94,10 +95,18 @@ def run(args: argparse.Namespace) -> int:
     recording = read(Path(args.data))
     say_notes('predict', recording)
     prediction = predict(recording, setting, args.mode, args.window, args.zero)
+    measured, predicted = ringing_of(recording, setting, args.zero)
     if args.json:
-        print(json.dumps({'channels': finite(prediction.numbers), **_context(prediction)}))
+        ring = {'measured': list(map(asdict, measured)), 'predicted': list(map(asdict, predicted))}
+        context = {**_context(prediction), 'ringing': ring}
+        print(json.dumps({'channels': finite(prediction.numbers), **finite(context)}))
         return 0
     print_table(prediction.numbers, _title(prediction))
+    for one, other in zip(measured, predicted, strict=False):
+        print(
+            f'rings at {one.frequency:.3f} Hz, damping {one.damping:.4f}; predicted '
+            f'{other.frequency:.3f} Hz, {other.damping:.4f}'
+        )
     return 0
 
 
@@ -111,6 +120,8 @@ def finite(numbers: Any) -> Any:
     """Return nested numbers with None for those that are not finite."""
     if isinstance(numbers, dict):
         return {key: finite(value) for key, value in numbers.items()}
+    if isinstance(numbers, list):
+        return [finite(value) for value in numbers]
     return None if isinstance(numbers, float) and not math.isfinite(numbers) else numbers
 
 

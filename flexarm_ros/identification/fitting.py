@@ -53,7 +53,8 @@ class Fit:
     The result of a fit.
 
     ``values`` (p,) in the order of ``problem.keys``; ``predictions`` of the fitted recordings,
-    ``held_out`` of the hold-out; ``complete``: the search has converged.
+    ``held_out`` the channels of the hold-out, ``others`` the predictions of its recordings;
+    ``complete``: the search has converged.
     """
 
     problem: Problem
@@ -61,6 +62,7 @@ class Fit:
     uncertainty: Estimate
     predictions: Sequence[Prediction]
     held_out: Mapping[str, Channel]
+    others: Sequence[Prediction]
     warnings: tuple[str, ...]
     complete: bool
 
@@ -155,12 +157,14 @@ def prepare(
     priors: Sequence[str] = (),
     hold_out: Sequence[PathLike | Recording] = (),
     overrides: Sequence[str] = (),
+    chosen: Sequence[str] = (),
 ) -> Request:
     """
     Return a checked request of a fit.
 
     ``priors`` are texts ``KEY=VALUE+-STD``, ``hold_out`` paths of recordings or spans ``T0:T1``
-    in s, which are left out of every recording.  Raises ScenarioError, one line.
+    in s, which are left out of every recording; ``chosen``: the channels to fit, empty: all.
+    Raises ScenarioError, one line.
     """
     if mode not in MODES:
         raise ScenarioError(f'--mode {clip(mode)}: one of {", ".join(MODES)}')
@@ -190,7 +194,9 @@ def prepare(
     tasks = tuple(Task(_recording(one), tuple(spans)) for one in data)
     if not tasks:
         raise ScenarioError('no data: give a CSV, a run or a bag')
-    return Request(Problem(setting, tuple(numbers), tasks, mode, window, zero), tuple(others))
+    return Request(
+        Problem(setting, tuple(numbers), tasks, mode, window, zero, tuple(chosen)), tuple(others)
+    )
 
 
 def _recording(data: PathLike | Recording) -> Recording:
@@ -276,11 +282,13 @@ def _result(request: Request, search: Search) -> Fit:
         for task, prediction in zip(problem.tasks, predictions, strict=True)
         if task.held_out
     ]
-    for task in request.others:
-        found = predict(task.recording, setting, problem.mode, problem.window, problem.zero)
-        held.append((found, np.ones(found.recording.rows, dtype=bool)))
+    others = [
+        predict(task.recording, setting, problem.mode, problem.window, problem.zero)
+        for task in request.others
+    ]
+    held += [(found, np.ones(found.recording.rows, dtype=bool)) for found in others]
     return Fit(
-        problem, values, uncertainty, predictions, _joined(held),
+        problem, values, uncertainty, predictions, _joined(held), others,
         _warnings(request, search, uncertainty, blocks), search.finished,
     )  # fmt: skip
 

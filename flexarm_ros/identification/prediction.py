@@ -26,6 +26,7 @@ from flexarm_ros.identification.flying import ANGLE, centred_rates, predict_torq
 from flexarm_ros.identification.modes import MODES
 from flexarm_ros.identification.motion import BIAS
 from flexarm_ros.identification.recording import Recording
+from flexarm_ros.identification.ringing import Mode, quiet_spans, ringing
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError
 import numpy as np
@@ -141,6 +142,26 @@ def predict(
     return Prediction(data.recording, mode, window, channels, offsets)
 
 
+def ringing_of(
+    recording: Recording, setting: Setting, zero: float | None = None
+) -> tuple[list[Mode], list[Mode]]:
+    """
+    Return the modes that ring while the joints are at rest, measured and predicted.
+
+    Predicted is the whole recording, driven by the measured joint angles.
+    """
+    found = predict(recording, setting, 'driven', None, zero)
+    rates = centred_rates(recording.pair('theta{}'), recording.period)
+    channels = list(found.channels.values())
+    first = max(int(np.argmax(channel.valid)) for channel in channels)
+    spans = quiet_spans(rates, recording.period, first)
+    measured = [channel.measured for channel in channels]
+    predicted = [channel.predicted for channel in channels]
+    return (
+        ringing(measured, spans, recording.period), ringing(predicted, spans, recording.period)
+    )  # fmt: skip
+
+
 def _joint_channels(
     recording: Recording, angles: FloatArray, outputs: FloatArray
 ) -> dict[str, Channel]:
@@ -157,4 +178,4 @@ def _joint_channels(
     return found
 
 
-__all__ = ['Channel', 'MODES', 'Prediction', 'predict']
+__all__ = ['Channel', 'MODES', 'Prediction', 'predict', 'ringing_of']

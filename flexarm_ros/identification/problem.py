@@ -96,6 +96,8 @@ class Problem:
     mode: str
     window: float | None
     zero: float | None
+    chosen: tuple[str, ...] = ()
+    """The channels that are fitted; empty: all."""
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -120,12 +122,14 @@ class Problem:
         found = []
         for task, prediction in zip(self.tasks, self.predictions(values), strict=True):
             for name, channel in prediction.channels.items():
+                if self.chosen and name not in self.chosen:
+                    continue
                 used = channel.valid & task.mask(len(channel.valid), inside=False)
                 values_of = (channel.measured - channel.predicted)[used]
                 if len(values_of):
                     found.append((name, np.nan_to_num(values_of, nan=1e6, posinf=1e6)))
         if not found:
-            raise ScenarioError('nothing to fit: every sample is held out')
+            raise ScenarioError('nothing to fit: every sample is held out, or no channel is left')
         return found
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The files of a fit: ``fit.json`` and ``fitted.yaml``."""
+"""The files of a fit: ``fit.json``, ``fitted.yaml``, pictures and a page."""
 
 from __future__ import annotations
 
@@ -25,13 +25,23 @@ from flexarm_ros.identification.fitting import Fit
 from flexarm_ros.identification.setting import text_of
 
 
-def write(fit: Fit, out: Path) -> list[Path]:
+def write(fit: Fit, out: Path, pictures: bool = True) -> list[Path]:
     """Write the files of a fit into the directory ``out`` and return their paths."""
     numbers: dict[str, Any] = fit.as_dict()
-    return [
+    files = [
         _text(out / 'fit.json', json.dumps(numbers, indent=1, allow_nan=False) + '\n'),
         _text(out / 'fitted.yaml', f'# {_source(fit)}\n{text_of(fit.setting)}'),
     ]
+    if pictures:
+        from flexarm_ros.identification.page import page
+        from flexarm_ros.identification.pictures import write_pictures
+
+        named = [(f'fitted_{i + 1}', found) for i, found in enumerate(fit.predictions)]
+        named += [(f'held_out_{i + 1}', found) for i, found in enumerate(fit.others)]
+        drawn = write_pictures(named, out / 'pictures')
+        shown = [path for path in drawn if path.suffix == '.png']
+        files += [_text(out / 'fit.html', page(fit, shown)), *drawn]
+    return files
 
 
 def _source(fit: Fit) -> str:

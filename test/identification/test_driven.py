@@ -344,6 +344,12 @@ def test_the_commands(
     assert row['start'] == 1.6
     assert set(found['channels']['strain1']) == {'fit', 'vaf', 'rms'}
     assert found['hold_out'].keys() == found['channels'].keys()
+    page = (out / 'fit.html').read_text()
+    assert 'plant.flexural_rigidity.1' in page
+    assert page.count('data:image/png') == 2
+    assert {path.name for path in (out / 'pictures').glob('*.svg')} == {
+        'fitted_1.svg', 'held_out_1.svg',
+    }  # fmt: skip
     fitted_arm = str(out / 'fitted.yaml')
     words = ['predict', str(noisy), '--scenario', fitted_arm, '--window', '1', '--json']
     assert cli.main(words) == 0
