@@ -20,14 +20,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 import math
 
-from flexarm_ros.core.arm.full.dynamics import make_work, Work
+from flexarm_ros.core.arm.full.dynamics import make_work
 from flexarm_ros.core.arm.full.model import (
-    BEND,
-    Constants,
-    DAMPING,
     link_bases,
     make_constants_on,
-    STIFFNESS,
+    Records,
 )
 from flexarm_ros.core.arm.full.plant import ACCURATE_PHASE, mass_matrix
 from flexarm_ros.core.numerics.compiled import FloatArray
@@ -61,7 +58,7 @@ class ArmModel:
     """
 
     plant: PlantParameters
-    constants: Constants
+    constants: Records
     shapes: FloatArray
     gauges: FloatArray
     lowpass: FloatArray
@@ -69,7 +66,7 @@ class ArmModel:
     damping: tuple[float, float]
     period: float
     substeps: int
-    work: Work
+    work: Records
 
     @property
     def coordinates(self) -> int:
@@ -110,7 +107,7 @@ def make_model(setting: Setting, period: float, kinds: tuple[str, str]) -> ArmMo
     cutoff = [0.0, 0.0]
     for link in (0, 1):
         if kinds[link] == 'end':
-            shapes[link] = constants.vectors[link, BEND]
+            shapes[link] = constants[0].links[link].flexible_end
             continue
         shapes[link] = gauge.gain[link] * _gauge_shape(plant, gauge, link, kinds[link])
         gauges[link, BIAS] = gauge.offset[link]
@@ -167,9 +164,9 @@ def _elastic(plant: PlantParameters, elbow: float) -> FloatArray:
     return mass_matrix(plant, q)[2:, 2:]
 
 
-def _substeps(plant: PlantParameters, constants: Constants, period: float) -> int:
+def _substeps(plant: PlantParameters, constants: Records, period: float) -> int:
     """Return the integration steps a sample, from the highest frequency with held joints."""
-    stiffness = np.diag(constants.vectors[:, STIFFNESS].ravel())
+    stiffness = np.diag(constants[0].links['stiffness'].ravel())
     highest = 0.0
     for elbow in (0.0, 0.5 * math.pi, math.pi):
         squares = eigh(stiffness, _elastic(plant, elbow), eigvals_only=True)
@@ -194,11 +191,11 @@ def observer_gain(
     """
     size, total = model.coordinates, model.size
     inverse = np.linalg.inv(_elastic(model.plant, elbow))
-    vectors = model.constants.vectors
+    links = model.constants[0].links
     system = np.zeros((total, total))
     system[:size, size : 2 * size] = np.eye(size)
-    system[size : 2 * size, :size] = -inverse * vectors[:, STIFFNESS].ravel()
-    system[size : 2 * size, size : 2 * size] = -inverse * vectors[:, DAMPING].ravel()
+    system[size : 2 * size, :size] = -inverse * links['stiffness'].ravel()
+    system[size : 2 * size, size : 2 * size] = -inverse * links['damping'].ravel()
     output = np.zeros((2, total))
     force = np.zeros((total, 2))
     for link in (0, 1):
@@ -217,7 +214,7 @@ def observer_gain(
             system[row, row] = system[row + 1, row + 1] = -1.0 / model.period
             output[link, part] = signal
         # A moment that bends the link by one unit of its gauge.
-        scale = float(signal @ (signal / vectors[link, STIFFNESS])) or 1.0
+        scale = float(signal @ (signal / links[link].stiffness)) or 1.0
         force[size : 2 * size, link] = inverse[:, part] @ (signal / scale)
     step = expm(system * model.period)
     push = MODEL_ERROR * np.array(levels)

@@ -28,8 +28,8 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.arm.full.dynamics import mass_and_bias, Work
-from flexarm_ros.core.arm.full.model import Constants, DAMPING, STIFFNESS
+from flexarm_ros.core.arm.full.dynamics import mass_and_bias
+from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ BIAS, SLOPE, FILTERED = range(3)
 
 @compiled
 def advance(
-    con: Constants,
+    con: Records,
     q: FloatArray,
     qd: FloatArray,
     change: FloatArray,
@@ -52,7 +52,7 @@ def advance(
     force: FloatArray,
     factor: FloatArray,
     stage: FloatArray,
-    work: Work,
+    work: Records,
 ) -> None:
     """
     Advance ``q``, ``qd`` (2 + 2N,) by ``substeps`` steps of h s with constant joint rates.
@@ -61,12 +61,16 @@ def advance(
     Each step takes mass matrix and centrifugal terms at its middle, and integrates the then linear
     motion by the classical Runge-Kutta method.
     """
-    size = 2 * con.vectors.shape[2]
+    size = 2 * len(con[0].links[0].mean)
     x, rest = stage[2], stage[4]
     for number in range(substeps):
         for i in range(2 + size):
             x[i] = q[i] + 0.5 * h * qd[i]
-        mass_and_bias(con, x, qd, mass, force, work)
+        mass_and_bias(con, x, qd, work)
+        for i in range(2 + size):
+            force[i] = work[0].force[i]
+            for j in range(i + 1):
+                mass[i, j] = work[0].mass[j, i]
         _factorise(mass, factor)
         if number == 0:
             for i in range(size):
@@ -81,7 +85,7 @@ def advance(
 
 @compiled
 def _runge_kutta(
-    con: Constants,
+    con: Records,
     q: FloatArray,
     qd: FloatArray,
     h: float,
@@ -90,7 +94,7 @@ def _runge_kutta(
     stage: FloatArray,
 ) -> None:
     """Advance the elastic coordinates by one step with constant mass matrix and ``force``."""
-    n = con.vectors.shape[2]
+    n = len(con[0].links[0].mean)
     size = 2 * n
     start, rate, x, v, rest = stage[0], stage[1], stage[2], stage[3], stage[4]
     for i in range(size):
@@ -101,8 +105,8 @@ def _runge_kutta(
             link, j = i // n, i % n
             rest[i] = (
                 -force[2 + i]
-                - con.vectors[link, STIFFNESS, j] * x[i]
-                - con.vectors[link, DAMPING, j] * v[i]
+                - con[0].links[link].stiffness[j] * x[i]
+                - con[0].links[link].damping[j] * v[i]
             )
         _substitute(factor, rest)
         weight = h / 6.0 if k == 0 or k == 3 else h / 3.0
@@ -155,7 +159,7 @@ def gauge_input(
 
 @compiled
 def driven(
-    con: Constants,
+    con: Records,
     shapes: FloatArray,
     gauges: FloatArray,
     lowpass: FloatArray,
@@ -170,7 +174,7 @@ def driven(
     measured: FloatArray,
     outputs: FloatArray,
     states: FloatArray,
-    work: Work,
+    work: Records,
 ) -> None:
     """
     Predict samples ``first`` to ``last`` (excluded) from the state ``start``, (4N + 4,).
@@ -181,7 +185,7 @@ def driven(
     before any correction; ``states`` (n, 4N + 4) the states, or nothing if it has no rows.
     ``correction`` (4N + 4, 2): gain on ``measured`` - ``outputs``; no columns: none.
     """
-    size = 2 * con.vectors.shape[2]
+    size = 2 * len(con[0].links[0].mean)
     q, qd = np.zeros(2 + size), np.zeros(2 + size)
     mass, force = np.zeros((2 + size, 2 + size)), np.zeros(2 + size)
     factor, stage = np.zeros((size, size)), np.zeros((5, 2 + size))
