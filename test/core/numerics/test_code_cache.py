@@ -156,3 +156,18 @@ def test_a_full_disk_under_the_cache_of_a_run_is_named_once(tmp_path: Path) -> N
     assert done.returncode == 0, done.stderr
     said = [line for line in done.stderr.splitlines() if code_cache.COMPLAINT in line]
     assert len(said) == 1 and f'{disk}/' in said[0]
+
+
+def test_what_is_compiled_needs_no_scipy_linalg() -> None:
+    """Where numba imports it, a process takes 0.2 s longer to start. It is there for others."""
+    code = (
+        'import sys\n'
+        'from flexarm_ros import scenario\n'
+        "scenario.load('fls_tip', [])\n"  # calls the inverse kinematics
+        "print('scipy.linalg' in sys.modules)\n"
+        'import scipy.linalg.cython_blas\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, 'False\n'), done.stderr
