@@ -30,7 +30,7 @@ import itertools
 import math
 from typing import Any
 
-from flexarm_ros.analysis.spawning import spawn_context
+from flexarm_ros.analysis.spawning import worker_context
 from flexarm_ros.analysis.sweep.worker import start_worker
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario import ScenarioError, with_values
@@ -87,7 +87,7 @@ def analyse_grid(sweep: Sweep, workers: int, stop: Callable[[], bool]) -> Linear
     if sweep.points > MOST_POINTS:
         return Linear(refused=f'{sweep.points} points; at most {MOST_POINTS} are analysed')
     found = Linear()
-    context = spawn_context()
+    context = worker_context()
     with ProcessPoolExecutor(workers, context, start_worker, ((), context.Event())) as pool:
         try:
             _analyse(sweep, found, lambda call, jobs: _mapped(pool, call, jobs, stop))

@@ -22,6 +22,7 @@ import json
 import math
 import os
 from pathlib import Path
+import re
 import shutil
 import signal
 import subprocess
@@ -135,6 +136,7 @@ def test_a_sweep_that_was_cut_off_goes_on(
     shown = capsys.readouterr()
     assert f'{COUNT - 2} of {COUNT} runs are there already' in shown.err
     assert f'{COUNT} of {COUNT} runs: ' in shown.out
+    assert re.search(r'^flexarm sweep: \d+ runs in \S+ s, \S+ a second$', shown.err, re.M)
     assert Path('out/table.csv').read_bytes() == (finished / 'table.csv').read_bytes()
     assert len(Path('out/rows.jsonl').read_bytes().splitlines()) == COUNT
 

@@ -59,8 +59,8 @@ def leftovers() -> dict[int, str]:
             line = (process / 'cmdline').read_bytes().replace(b'\0', b' ').decode(errors='replace')
         except OSError:
             continue  # it has ended, or is somebody else's
-        # Python's resource tracker, once started, stays as long as pytest does.
-        if 'multiprocessing.resource_tracker' in line:
+        # Python's resource tracker and fork server, once started, stay as long as pytest does.
+        if 'multiprocessing.resource_tracker' in line or 'multiprocessing.forkserver' in line:
             continue
         if state not in 'ZX' and int(process.name) != os.getpid():
             found[int(process.name)] = line.strip()

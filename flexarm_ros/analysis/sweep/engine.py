@@ -32,7 +32,7 @@ from concurrent.futures import (
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from flexarm_ros.analysis.spawning import spawn_context
+from flexarm_ros.analysis.spawning import worker_context
 from flexarm_ros.analysis.sweep.worker import (
     code_version,
     Row,
@@ -64,7 +64,7 @@ class LocalPool:
 
     def __init__(self, bases: Sequence[RunConfig], workers: int) -> None:
         self._bases, self._workers = bases, workers
-        self._context = spawn_context()
+        self._context = worker_context()
 
     def rows(self, tasks: Sequence[Task], stop: Stop) -> Iterator[Row]:
         """Yield rows as they are done; stops early once ``stop()`` is true."""

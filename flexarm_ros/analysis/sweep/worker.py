@@ -25,9 +25,11 @@ from collections.abc import Callable, Sequence
 from multiprocessing import parent_process
 from multiprocessing.synchronize import Event
 import os
+import signal
 import threading
 from typing import Any
 
+from flexarm_ros.analysis.spawning import ENDING
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.warned import allow_warnings
 
@@ -105,6 +107,7 @@ def start_worker(bases: Sequence[RunConfig], stop: Event) -> None:
     # SIGTERM is not ignored: since Python 3.12 a pool that has lost a process uses it to end the
     # others.
     os.setpgid(0, 0)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     threading.Thread(target=_follow_parent, daemon=True).start()
 
 

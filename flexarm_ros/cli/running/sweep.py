@@ -21,6 +21,7 @@ import contextlib
 import os
 from pathlib import Path
 import sys
+import time
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
@@ -109,10 +110,14 @@ def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop:
         print(f'flexarm sweep: {done} of {sweep.count} runs are there already', file=sys.stderr)
     cases = [sweep.case(index) for index in missing]
     tasks = [(case.index, case.base, case.overrides) for case in cases]
+    start = time.monotonic()
     with CountProgress(sweep.name, sweep.count, done) as progress:
         for row in engine.rows(tasks, stop):
             store.add(row)
             progress.update(len(store.rows))
+    seconds, flown = time.monotonic() - start, len(store.rows) - done
+    print(f'flexarm sweep: {flown} runs in {seconds:.1f} s, {flown / seconds:.1f} a second',
+          file=sys.stderr)  # fmt: skip
 
 
 def _finish(args: argparse.Namespace, sweep: Sweep, store: SweepStore, stop: Stop) -> None:

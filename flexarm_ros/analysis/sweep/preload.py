@@ -1,0 +1,44 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Imported by the process that the workers of a sweep are forks of: what all of them need.
+
+A worker of which that process could not import this loads it by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import os
+import signal
+
+from flexarm_ros.analysis.spawning import ENDING
+
+# Before NumPy is imported: threads of its linear algebra would not survive a fork.
+os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'
+
+from flexarm_ros.analysis.sweep.worker import fly
+from flexarm_ros.core.parameters.sections import RunConfig
+
+
+def prepare() -> None:
+    """Leave the process group of the command, and load what is compiled."""
+    os.setpgid(0, 0)
+    config = RunConfig()
+    fly(replace(config, run=replace(config.run, duration=2.0 * config.run.control_period)))
+
+
+if signal.pthread_sigmask(signal.SIG_BLOCK, ()) >= ENDING:  # started by `worker_context`
+    prepare()
