@@ -92,7 +92,7 @@ def loop_of(recording: Recording, setting: Setting) -> Loop:
             f'controller.law: {name} is not allowed in mode closed_loop: {STATE_FEEDBACK}'
         )
     encoder = setting.config.encoder
-    constants = setting.actuator.joint_constant
+    constants = setting.actuator.torque_per_ampere
     law = np.array(
         [
             [
@@ -115,7 +115,7 @@ def torques_of(recording: Recording, setting: Setting) -> FloatArray:
     if recording.has('tau{}'):
         return recording.pair('tau{}')
     if recording.has('i{}'):
-        return np.asarray(recording.pair('i{}') * np.array(setting.actuator.joint_constant))
+        return np.asarray(recording.pair('i{}') * np.array(setting.actuator.torque_per_ampere))
     raise ScenarioError(f'{recording.name}: neither torques tau1, tau2 nor currents i1, i2')
 
 

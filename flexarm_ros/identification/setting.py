@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, with_section
@@ -30,6 +31,7 @@ from flexarm_ros.core.parameters.spec import parameter, Spec, specs
 from flexarm_ros.scenario import dump, find
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
+from flexarm_ros.scenario.locate import config_directories
 from flexarm_ros.scenario.reader import _read, build, MAX_BYTES, parse_override, PathLike
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree as Tree
@@ -86,8 +88,8 @@ class ActuatorParameters:
     )  # fmt: skip
 
     @property
-    def joint_constant(self) -> tuple[float, float]:
-        """Return the torque at each joint per current, N m/A."""
+    def torque_per_ampere(self) -> tuple[float, float]:
+        """Return the torque at each joint per ampere of its motor, N m/A."""
         first, second = (
             constant * ratio * share
             for constant, ratio, share in zip(
@@ -98,7 +100,11 @@ class ActuatorParameters:
 
 
 GAUGE, ACTUATOR = 'strain_gauge', 'actuator'
-PENDING: dict[str, type] = {GAUGE: GaugeParameters, ACTUATOR: ActuatorParameters}
+PENDING: dict[str, type] = {
+    name: held
+    for name, held in ((GAUGE, GaugeParameters), (ACTUATOR, ActuatorParameters))
+    if name not in SECTIONS
+}
 """Sections that no part of a run reads yet."""
 
 _NUMBERS = ('float', 'float2')
@@ -109,24 +115,38 @@ class Setting:
     """A checked scenario and its strain gauges."""
 
     config: RunConfig
-    gauge: GaugeParameters = GaugeParameters()
-    actuator: ActuatorParameters = ActuatorParameters()
+    pending: tuple[tuple[str, Any], ...] = ()
+    """Sections of `PENDING` that are given, with their parameters."""
+
+    @property
+    def gauge(self) -> GaugeParameters:
+        """Return the section of the strain gauges, its defaults without one."""
+        held: GaugeParameters = self.section(GAUGE)
+        return held
+
+    @property
+    def actuator(self) -> ActuatorParameters:
+        """Return the section of the drives, its defaults without one."""
+        held: ActuatorParameters = self.section(ACTUATOR)
+        return held
 
     def section(self, name: str) -> Any:
-        """Return the parameters of a section."""
-        held = {GAUGE: self.gauge, ACTUATOR: self.actuator}
-        return held[name] if name in held else self.config.section(name)
+        """Return the parameters of a section, the defaults of an optional one that is absent."""
+        held = dict(self.pending).get(name) if name in PENDING else self.config.section(name)
+        return _classes()[name]() if held is None else held
 
     def with_section(self, name: str, values: Any) -> Setting:
         """Return this setting with other parameters in a section."""
         if name in PENDING:
-            return replace(self, **{'gauge' if name == GAUGE else name: values})
+            return replace(self, pending=tuple({**dict(self.pending), name: values}.items()))
         return replace(self, config=with_section(self.config, name, values))
 
     def number(self, key: str) -> float:
         """Return the number of a key from `numbers_of`."""
         section, name, place = _split(key)
         value = getattr(self.section(section), name)
+        if value is None:
+            raise ScenarioError(f'{key}: not set; give it a value to start from, as with --set')
         return float(value if place is None else value[place])
 
     def with_numbers(self, numbers: Mapping[str, float]) -> Setting:
@@ -206,7 +226,7 @@ def load_setting(source: PathLike, overrides: Iterable[str] = ()) -> Setting:
 
     Raises ScenarioError, one line.
     """
-    path = find(source)
+    path = _find(source)
     name = clip(str(path), PATH_WIDTH)
     text = read_text(path, MAX_BYTES)
     tree = parse(text)
@@ -224,9 +244,17 @@ def load_setting(source: PathLike, overrides: Iterable[str] = ()) -> Setting:
         else:
             place, tree = parse_override(override)
             values[place] = tree
-    made = {section: _made(section, trees) for section, trees in given.items()}
     config = build(values, torque_base=path.resolve().parent)
-    return Setting(config, made[GAUGE], made[ACTUATOR])
+    return Setting(config, tuple((name, _made(name, trees)) for name, trees in given.items()))
+
+
+def _find(source: PathLike) -> Path:
+    """Return the file of a scenario, or of a shipped rig by its name."""
+    for directory in config_directories()[:1]:
+        rig = directory / 'rigs' / f'{source}.yaml'
+        if rig.is_file() and not Path(source).exists():
+            return rig
+    return find(source)
 
 
 def _keys_of(name: str, section: str, body: Any) -> dict[str, Any]:
