@@ -60,7 +60,7 @@ def measure() -> Part:
         for name, each, seconds, words in RUNS:
             if each == period:
                 found = flown(period, seconds, words)
-                rows.append(_row(name, period, seconds, found))
+                rows.append(_row(name + found['remark'], period, seconds, found))
                 if seconds == MINUTE:
                     wall = seconds / found['factor']
                     ratios.append(Ratio(
@@ -86,7 +86,7 @@ def bare(period: float, fifo: bool) -> dict[str, Any]:
 
 
 def flown(period: float, seconds: float, words: tuple[str, ...]) -> dict[str, Any]:
-    """Return ``real_time`` of a free-running run of pd_tip."""
+    """Return ``real_time`` of a free-running run of pd_tip, and a remark if it was unstable."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / 'run'
         done = subprocess.run(
@@ -96,11 +96,12 @@ def flown(period: float, seconds: float, words: tuple[str, ...]) -> dict[str, An
              '--no-pictures', '--out', str(out), *words],
             capture_output=True, text=True, timeout=LIMIT_S, check=False,
         )  # fmt: skip
-        if done.returncode:
-            raise MeasurementFailed(done.stderr.strip().splitlines()[-1])
         summary = json.loads((out / 'summary.json').read_text(encoding='utf-8'))
-    found: dict[str, Any] = summary['real_time']
-    return found
+        if done.returncode and summary['stable'] is not False:
+            raise MeasurementFailed(done.stderr.strip().splitlines()[-1])
+    # A controller that falls behind makes the arm unstable: that is a result too.
+    remark = '' if summary['stable'] else f', unstable at tick {summary["unstable_tick"]}'
+    return {**summary['real_time'], 'remark': remark}
 
 
 def _row(name: str, period: float, seconds: float, found: dict[str, Any]) -> tuple[str, ...]:
