@@ -21,7 +21,7 @@ limits for files from untrusted sources.  Errors name the key, the value and wha
 
 from __future__ import annotations
 
-from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, values_of
 from flexarm_ros.core.parameters.spec import exact_ns
 from flexarm_ros.scenario.errors import clip, ScenarioError
 
@@ -41,8 +41,8 @@ def check(config: RunConfig) -> None:
 
 def _check_buffers(config: RunConfig) -> None:
     period = exact_ns(repr(config.run.control_period)) or 1
-    for section in ('encoder', 'tip_sensor'):
-        latency = getattr(config, section).latency
+    for section in SECTIONS:
+        latency = values_of(config, section).get('latency', 0.0)
         if (exact_ns(repr(latency)) or 0) > MAX_BUFFER_TICKS * period:
             raise ScenarioError(
                 f'{section}.latency: {latency!r} s is more than {MAX_BUFFER_TICKS} ticks of '

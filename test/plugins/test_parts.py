@@ -27,7 +27,7 @@ from flexarm_ros import cli, scenario
 from flexarm_ros.bag.checks.digest import digest_of as digest
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.parameters.changes import Change
-from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.parameters.sections import changed, RunConfig, with_section
 from flexarm_ros.core.parameters.spec import parameter
 from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.loop import ClosedLoop
@@ -188,6 +188,18 @@ def test_a_bad_key_is_named(
     error = capsys.readouterr().err
     assert text in error
     assert len(error.splitlines()) == 1
+
+
+def test_a_latency_that_the_run_cannot_hold_is_named(stranger: Path) -> None:
+    long = ['control_period=2e-7', 'duration=0.2', 'strain_probe.latency=0.5']
+    with pytest.raises(
+        fa.ScenarioError, match=r'strain_probe.latency: 0.5 s is more than 1000000'
+    ):
+        scenario.load('pd_tip', long)
+    config = scenario.load('pd_tip', OVERRIDES)
+    odd = replace(config.section('strain_probe'), latency=1e-10)
+    with pytest.raises(ValueError, match=r'strain_probe\.latency'):
+        parts.check_parts(with_section(config, 'strain_probe', odd))
 
 
 def test_a_live_parameter(stranger: Path) -> None:

@@ -26,7 +26,7 @@ from typing import Any, ClassVar, TYPE_CHECKING
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.part import Answer, STATE
-from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.timeline import named_ns, Timeline
 
 # What a sensor computes with is imported when it is made: declarations are read by each command.
 if TYPE_CHECKING:
@@ -49,6 +49,11 @@ class Sensor(Answer):
         self.parameters: Any = config.section(self.NAME)
         self.noise = Noise(config.run.seed, self.NAME)
         self.channel = self.make_channel(config)
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for a latency that is not a whole number of nanoseconds."""
+        named_ns(f'{cls.NAME}.latency', getattr(config.section(cls.NAME), 'latency', 0.0))
 
     def make_channel(self, config: RunConfig) -> Channel:
         """Return what delivers the samples: a latency, if the section has that key."""
