@@ -129,11 +129,6 @@ def constants_type(modes: int) -> Any:
     return record_type([('hub', float, (2,)), ('links', link, (2,))])
 
 
-def modes_of(constants: Records) -> int:
-    """Return the number of assumed modes of a link, N."""
-    return len(constants[0].links[0].mean)
-
-
 def floats(constants: Records) -> FloatArray:
     """Return the numbers of :class:`Constants` as one flat array on the same memory."""
     return constants.view(np.float64)
