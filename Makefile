@@ -11,6 +11,8 @@ BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 # Tests that run at once, of those that start no nodes.
 TEST_JOBS ?= 2
+# Of those that start nodes; 0: in pytest's own process, one after the other.
+NODE_JOBS ?= 0
 SOAK_MINUTES ?= 30
 
 help:
@@ -41,7 +43,7 @@ types: env
 	$(BIN)/mypy
 
 test: lint types
-	@TEST_JOBS=$(TEST_JOBS) scripts/test.sh $(PYTEST_ARGS)
+	@TEST_JOBS=$(TEST_JOBS) NODE_JOBS=$(NODE_JOBS) scripts/test.sh $(PYTEST_ARGS)
 
 test-all: lint types
 	$(BIN)/python -m pytest -m 'slow or not slow' $(PYTEST_ARGS)

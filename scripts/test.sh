@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # The tests: those that start no nodes side by side (TEST_JOBS, 2), then the others one at a time, so
-# that the nodes of a run have the machine to themselves. Arguments go to both. Exit status as
-# pytest's: 5 where neither part had a test.
+# that the nodes of a run have the machine to themselves, or NODE_JOBS at a time. Arguments go to
+# both. Exit status as pytest's: 5 where neither part had a test.
 #
 # A test of nodes that fails is run once more and passes if it passes then; the last line names it.
 # CONTRIBUTING.md says why.
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-failed=0 empty=0 again=yes
+failed=0 empty=0 again=yes node_jobs=${NODE_JOBS:-0}
 case " $* " in
 *' -x '* | *' --exitfirst '* | *' --maxfail'*) again= ;; # the rest of the tests was not run
 esac
@@ -24,7 +24,7 @@ part() {
     *) return 1 ;;
     esac
 }
-nodes() { part -m 'not slow and nodes' -o "cache_dir=$failures" "$@"; }
+nodes() { part -n "$node_jobs" --dist loadfile -m 'not slow and nodes' -o "cache_dir=$failures" "$@"; }
 # Print the tests that have failed at their last try.
 names() { sed -n 's/^ *"\(.*\)": true,*$/\1/p' "$failures/v/cache/lastfailed" 2>/dev/null | sort; }
 
@@ -35,6 +35,7 @@ if ! nodes "$@"; then
         failed=1
     else
         printf '\nonce more, the tests of nodes that failed:\n'
+        node_jobs=0
         nodes --last-failed "$@" || failed=1
         late=$(comm -23 <(echo "$first") <(names) | tr '\n' ' ')
         [ -z "$late" ] || echo "passed only at the second try: $late"

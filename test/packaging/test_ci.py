@@ -128,7 +128,11 @@ def run_tests(root: Path, *words: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
-def test_a_test_of_nodes_has_a_second_try_which_is_told(tmp_path: Path) -> None:
+@pytest.mark.parametrize('jobs', ['0', '2'])
+def test_a_test_of_nodes_has_a_second_try_which_is_told(
+    tmp_path: Path, jobs: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('NODE_JOBS', jobs)
     status, said = run_tests(tmp_path, '-k', 'not 3')
     assert status == 0, said
     last = said.splitlines()[-1]
