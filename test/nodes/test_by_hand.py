@@ -18,8 +18,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-import subprocess
-import sys
 
 from nodetools import Asker, finish, flexarm_here, ROLES, start_node, wait_for, write_scenario
 import pytest
@@ -89,22 +87,22 @@ def test_a_second_plant_is_refused_and_the_run_goes_on(
 @pytest.mark.parametrize('role', ROLES)
 def test_parameters_are_described(role: str, tmp_path: Path, ros_domain: int) -> None:
     from flexarm_ros.core.parameters.sections import SECTIONS, specs
-
-    code = f"""
-import json, rclpy, sys
-from flexarm_ros.nodes.process import node_class
-from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
-rclpy.init(args=["{role}"])
-node = node_class("{role}")([], Supervisor())
-node.get_parameters(list(node._parameters))  # those without a value too, as for a dump
-print(json.dumps({{n: [d.description, d.read_only, d.type] for n in node._parameters
-    for d in [node.describe_parameter(n)]}}))
-"""
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    described = json.loads(done.stdout)
+    from flexarm_ros.nodes.process import node_class
+    from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
     from flexarm_ros.scenario.reader import is_of_ros
+    import rclpy
 
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = node_class(role)([], Supervisor(), context=context)
+    try:
+        names = list(node._parameters)
+        node.get_parameters(names)  # those without a value too, as for a dump
+        told = dict(zip(names, node.describe_parameters(names), strict=True))
+        described = {n: (d.description, d.read_only, d.type) for n, d in told.items()}
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
     assert all(text for name, (text, _, _) in described.items() if not is_of_ros(name))
     for section in ('/**', role):
         for key, (_, spec, _) in specs(SECTIONS[section]).items():
