@@ -65,6 +65,14 @@ def load() -> float:
     return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
+def inode(name: str) -> int:
+    """Return which file of shared memory has this name now, 0 if none."""
+    try:
+        return (shm_cleanup.FOLDER / name).stat().st_ino
+    except OSError:
+        return 0
+
+
 @dataclass
 class Faulted:
     """A run that had a fault."""
@@ -75,7 +83,8 @@ class Faulted:
     took_s: float
     """From the fault, or from the last recorded tick before it, to the end."""
     exits: dict[str, int]
-    memory: set[str] = field(default_factory=set)
+    memory: dict[str, int] = field(default_factory=dict)
+    """The run's files of shared memory, and the inode of each: others may take up the name."""
     spare: Spare | None = None
     """The node that was started again."""
 
@@ -90,7 +99,7 @@ def faulty_run(
          f'recorder.chunk_time={CHUNK_TICKS / 1000}'],
     )  # fmt: skip
     spare: Spare | None = None
-    memory: set[str] = set()
+    memory: dict[str, int] = {}
     exits: dict[str, int] = {}
     moved = [0.0, -1.0]
     remove, close, command = (
@@ -100,7 +109,7 @@ def faulty_run(
     )
 
     def remembering(self: shm_cleanup.SharedMemoryCleanup) -> list[str]:
-        memory.update(self.names)
+        memory.update((name, inode(name)) for name in self.names)
         return remove(self)
 
     def closing(self: processes.NodeProcesses, *error: object) -> None:
@@ -202,7 +211,7 @@ def check_end(done: Faulted, role: str, fault: str, tick: int) -> None:
     if get_rmw_implementation_identifier().startswith('rmw_fastrtps'):
         assert done.memory, 'no shared memory was noted'
     # Ports are numbered for the whole machine: somebody else's run may have taken one over.
-    left = [name for name in done.memory if (shm_cleanup.FOLDER / name).exists()]
+    left = [name for name, number in done.memory.items() if number and inode(name) == number]
     left = [name for name in left if not shm_cleanup.in_use(shm_cleanup.FOLDER / f'{name}_el')]
     assert not left, left
 

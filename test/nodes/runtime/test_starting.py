@@ -118,11 +118,25 @@ def test_a_listener_that_hears_nothing_stops_no_run(
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_subscription(JointState, 'plant/state', lambda _: None, latched)
     out = tmp_path / 'run'
-    done = flexarm_here('run', 'pd_tip', '--compose', '--set', 'duration=0.1', '--no-pictures',
-                        '--domain', ros_domain, '--out', out)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    log = (out / 'logs' / 'compose.log').read_text()
-    assert 'a subscription gets no messages: plant/state: incompatible QoS of /test_node: ' in log
+    file = write_scenario(tmp_path / 's.yaml', 'pd_tip', 'duration=0.1')
+    run = subprocess.Popen(
+        [sys.executable, '-m', 'flexarm_ros.cli', 'run', str(file), '--compose', '--no-pictures',
+         '--without', 'controller', '--domain', str(ros_domain), '--out', str(out)],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+    )  # fmt: skip
+    log, nodes = out / 'logs' / 'compose.log', [run]
+    try:  # the run does not begin before the plant has found the listener
+        wait_for(
+            lambda: log.exists() and 'requesting incompatible QoS' in log.read_text(),
+            60, 'the plant has found the listener',
+        )  # fmt: skip
+        nodes.append(start_node('controller', file))
+    finally:
+        texts = finish(nodes)
+    assert [node.returncode for node in nodes] == [0, 0], texts
+    assert 'a subscription gets no messages: plant/state: incompatible QoS of /test_node: ' in (
+        log.read_text()
+    )
 
 
 def test_nodes_that_disagree_all_end_with_the_difference(tmp_path: Path, ros_domain: int) -> None:
