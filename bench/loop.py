@@ -16,22 +16,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
+from itertools import islice
 import json
+import math
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
 import time
+from typing import Any
 
 from bench.table import markdown, Part, Ratio
 from flexarm_ros import scenario
+from flexarm_ros.core.arm.plant_eq14 import Eq14Plant, step_eq14
+from flexarm_ros.core.numerics.compiled import compiled
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.loop_blocks import loop_blocks
-from flexarm_ros.core.run.warmup import warm_up
+from flexarm_ros.core.run.loop_blocks import BLOCK_TICKS, loop_blocks
 
-TICKS = 4000
+TICKS = 8192
 ROUNDS = 5
 MODES = (1, 2, 3, 4, 5, 6)
 
@@ -40,54 +45,86 @@ import time
 start = time.perf_counter()
 from flexarm_ros import scenario
 from flexarm_ros.core.run.loop import ClosedLoop
-ClosedLoop(scenario.load("fls_tip")).tick()
+from flexarm_ros.core.run.loop_blocks import loop_blocks
+next(loop_blocks(ClosedLoop(scenario.load("fls_tip", ["duration=0.001"]))))
 print(time.perf_counter() - start, time.process_time())
 """
 
 
-def loop_us(config: RunConfig, blocks: bool = False, ticks: int = TICKS) -> tuple[float, float]:
-    """
-    Return wall and processor time of a tick in the loop, us: the best of some runs.
+@compiled
+def steps_alone(plant: Any, count: int) -> None:
+    """Advance the plant of (14) by ``count`` ticks without torque."""
+    for _ in range(count):
+        step_eq14(
+            plant.state, 0.0, 0.0, plant.step, plant.substeps, plant.mass, plant.diagonals,
+            plant.coupling, plant.matrix, plant.work,
+        )  # fmt: skip
 
-    ``blocks``: with the messages of each tick collected for the bag, as ``simulate`` does.
-    """
-    warm_up(config)
-    wall, cpu = [], []
-    for _ in range(ROUNDS):
-        loop = ClosedLoop(config)
-        start, used = time.perf_counter(), time.process_time()
-        if blocks:
-            for _ in loop_blocks(loop):
-                if loop.k >= ticks:
-                    break
-        else:
-            while loop.k < ticks and loop.tick() is not None:
-                pass
-        wall.append((time.perf_counter() - start) / loop.k)
-        cpu.append((time.process_time() - used) / loop.k)
-    return min(wall) * 1e6, min(cpu) * 1e6
+
+def run_blocks(config: RunConfig) -> Callable[[int], None]:
+    """Return what runs a number of ticks in blocks, as ``simulate`` and sweeps do."""
+    blocks = loop_blocks(ClosedLoop(config))
+    return lambda count: deque(islice(blocks, -(-count // BLOCK_TICKS)), 0) and None
+
+
+def run_ticks(config: RunConfig) -> Callable[[int], None]:
+    """Return what runs a number of ticks one by one, from Python."""
+    loop = ClosedLoop(config)
+
+    def run(count: int) -> None:
+        for _ in range(count):
+            loop.tick()
+
+    return run
+
+
+def run_steps(config: RunConfig) -> Callable[[int], None]:
+    """Return what advances only the plant of (14)."""
+    record = Eq14Plant(config).record()
+    return lambda count: steps_alone(record, count)
+
+
+def in_turns(
+    config: RunConfig, *makers: Callable[[RunConfig], Callable[[int], None]], ticks: int = TICKS
+) -> list[float]:
+    """Return the processor time of a tick, us, of each way to run it: the best of some turns."""
+    best = [math.inf] * len(makers)
+    for _ in range(ROUNDS + 1):  # the first compiles
+        for i, make in enumerate(makers):
+            run = make(config)
+            run(BLOCK_TICKS)
+            used = time.process_time()
+            run(ticks)
+            best[i] = min(best[i], (time.process_time() - used) / ticks)
+    return [seconds * 1e6 for seconds in best]
 
 
 def measure() -> Part:
     """Time the loop by itself, over modes, and the start."""
     config = scenario.load('fls_tip')
-    wall, cpu = loop_us(config)
-    _, blocks = loop_us(config, blocks=True)
+    blocks, ticks, step = in_turns(config, run_blocks, run_ticks, run_steps)
     start_wall, start_cpu = start_up()
     whole = whole_simulation()
     text = (
         f'`flexarm simulate fls_tip` (16 s, no pictures): {whole["wall_s"]:.2f} s of wall time '
         f'from the first tick to the last with the bag written beside ({whole["rtf"]:.0f} times '
         f"real time), {whole['all_s']:.2f} s from the shell's prompt back to it, start-up, "
-        f'`trajectory.csv` and `summary.json` included. The loop alone takes {cpu:.1f} us of '
-        'processor time a tick, with the messages of a tick collected for the bag '
-        f'{blocks:.1f} us.'
+        f'`trajectory.csv` and `summary.json` included. The loop alone takes {blocks:.2f} us of '
+        f'processor time a tick in compiled blocks, {ticks:.1f} us tick by tick; the step of the '
+        f'plant is {step:.2f} us of it.'
     )
     ratios = [
         Ratio(
             '`simulate`, one mode a link, in the loop: simulated / processor time', '1000 us',
-            f'{cpu:.1f} us', 1000.0 / cpu, 50.0, True,
-            f'best of {ROUNDS}, {TICKS} ticks; by wall time {1000.0 / wall:.0f}',
+            f'{blocks:.2f} us', 1000.0 / blocks, 50.0, True, f'best of {ROUNDS}, {TICKS} ticks',
+        ),
+        Ratio(
+            'loop of `fls_tip`, a tick in a block / the step alone', f'{blocks:.2f} us',
+            f'{step:.2f} us', blocks / step, 2.2, False, 'in turns, processor time',
+        ),
+        Ratio(
+            'loop of `fls_tip`, single ticks / blocks', f'{blocks:.2f} us', f'{ticks:.1f} us',
+            ticks / blocks, None, True, 'in turns, processor time; the same bytes',
         ),
         Ratio(
             'start-up, import to first tick, warm caches / 1.5 s', f'{start_wall:.2f} s', '1.5 s',
@@ -105,14 +142,14 @@ def _modes() -> str:
             config = scenario.load(
                 'fls_full' if model == 'full' else 'fls_tip', [f'plant.modes={modes}']
             )
-            wall, cpu = loop_us(config, ticks=1000)
+            blocks, ticks = in_turns(config, run_blocks, run_ticks, ticks=1024)
             steps = ClosedLoop(config).plant.substeps
             rows.append(
-                (f'`{model}`', f'{modes}', f'{steps}', f'{wall:.1f}', f'{cpu:.1f}',
-                 f'{1000.0 / cpu:.0f}')
+                (f'`{model}`', f'{modes}', f'{steps}', f'{blocks:.2f}', f'{ticks:.1f}',
+                 f'{1000.0 / blocks:.0f}')
             )  # fmt: skip
-    head = ('model', 'modes a link', 'integrator steps', 'wall, us a tick',
-            'processor, us a tick', 'times real time (processor)')  # fmt: skip
+    head = ('model', 'modes a link', 'integrator steps', 'blocks, us a tick',
+            'single ticks, us a tick', 'times real time (blocks)')  # fmt: skip
     return markdown(head, rows)
 
 

@@ -25,7 +25,7 @@ import math
 from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
 from flexarm_ros.core.numerics.elementary import acos, atan2, sincos
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
@@ -110,7 +110,7 @@ class SensedPoint(NamedTuple):
     shortening: FloatArray
 
 
-@compiled
+@inlined
 def sensed_point(
     point: SensedPoint, q: FloatArray, qd: FloatArray
 ) -> tuple[float, float, float, float]:

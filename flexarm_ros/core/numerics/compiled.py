@@ -93,7 +93,20 @@ class _Cache(_FunctionCache):  # type: ignore[misc]
 
 def compiled(function: F) -> F:
     """Compile ``function`` on its first call, or load it from the disk cache."""
-    result: Any = numba.njit(error_model='numpy')(function)
+    return _compiled(function, 'never')
+
+
+def inlined(function: F) -> F:
+    """
+    Do as `compiled`, and put the code into that of compiled callers instead of a call.
+
+    For functions that take records of many arrays: a call counts the references of each.
+    """
+    return _compiled(function, 'always')
+
+
+def _compiled(function: F, inline: str) -> F:
+    result: Any = numba.njit(error_model='numpy', inline=inline)(function)
     where = None if _config.DISABLE_JIT else code_cache.directory()
     if where is not None:
         # Only while the cache is made: other packages keep theirs where they like.

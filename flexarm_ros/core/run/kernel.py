@@ -36,6 +36,9 @@ Records
     What a compiled function needs of a part is a record made by that part (``record()``, a
     ``NamedTuple`` or a structured array).  Records are made anew after each live change.
 
+    Functions that take whole records are inlined: in a call, the references of every array in
+    them are counted, which took a third of a tick.
+
 Blocks
     A block ends before a live change, at the end of the run, and where the run becomes unstable.
     Noise is drawn before the block, since the generator is NumPy's.  The records are converted
@@ -63,7 +66,7 @@ from flexarm_ros.core.arm.plant import is_stable
 from flexarm_ros.core.arm.plant_eq14 import Eq14Plant, Eq14Record, step_eq14
 from flexarm_ros.core.control.open_loop import OpenLoopLaw, torque_at
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw, SETTINGS, transpose_law
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
 from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
@@ -175,7 +178,7 @@ def run_full(
     return len(ticks.gain)
 
 
-@compiled
+@inlined
 def _answer(
     loop: LoopRecord, first: int, i: int, q: FloatArray, qd: FloatArray, ends: Four, ticks: Ticks
 ) -> Torque:
@@ -202,7 +205,7 @@ def _answer(
     return tau1, tau2
 
 
-@compiled
+@inlined
 def _keep_state(row: FloatArray, q: FloatArray, qd: FloatArray, ends: Four) -> None:
     """Put the values of ``plant/state`` into ``row``: see `flexarm_ros.core.run.state.State`."""
     n = len(q)
@@ -211,7 +214,7 @@ def _keep_state(row: FloatArray, q: FloatArray, qd: FloatArray, ends: Four) -> N
     row[n], row[n + 1], row[2 * n + 2], row[2 * n + 3] = ends
 
 
-@compiled
+@inlined
 def _measure_joints(
     encoder: Readout, k: int, q: FloatArray, qd: FloatArray, noise: FloatArray, i: int
 ) -> Four:
@@ -222,13 +225,14 @@ def _measure_joints(
     return a, b, da, db
 
 
-@compiled
+@inlined
 def _measure_tip(
     loop: LoopRecord, k: int, i: int, q: FloatArray, qd: FloatArray, ticks: Ticks
 ) -> Four:
     """Return the sensed point as measured at tick ``k``: a new sample, or that of row i - 1."""
     tip = loop.tip
-    x, y, vx, vy = delayed(tip.line, k, *sensed_point(loop.point, q, qd))
+    x, y, vx, vy = sensed_point(loop.point, q, qd)
+    x, y, vx, vy = delayed(tip.line, k, x, y, vx, vy)
     if k % tip.every:
         before = max(i - 1, 0)  # row 0 holds the sample from before the block
         ticks.tip_stamps[i] = ticks.tip_stamps[before]

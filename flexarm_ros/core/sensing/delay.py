@@ -38,7 +38,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
 from flexarm_ros.core.numerics.elementary import exp, sincos
 import numpy as np
 
@@ -208,7 +208,7 @@ def through_pade(
     return a - state[1, 0], b - state[1, 1], c - state[1, 2], d - state[1, 3]
 
 
-@compiled
+@inlined
 def delayed(line: Line, k: int, a: float, b: float, c: float, d: float) -> Sample4:
     """Add the sample of tick ``k`` and return the delayed one, through either kind of line."""
     if line.ring.shape[0] == 0:
