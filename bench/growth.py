@@ -24,7 +24,7 @@ import tempfile
 import time
 from typing import NamedTuple
 
-from bench.loop import loop_us, MODES
+from bench.loop import in_turns, MODES, run_blocks
 from bench.table import markdown, Part, Ratio
 from flexarm_ros import scenario
 
@@ -64,7 +64,9 @@ def measure() -> Part:
     """Fly ever longer runs, then more modes and more sensors, and draw the curves."""
     plain, note = _lengths()
     bag = {m: simulate(m) for m in plain if m <= WITH_BAG}
-    modes = {m: loop_us(scenario.load('fls_tip', [f'plant.modes={m}']), ticks=1000)[1]
+    modes = {m: in_turns(
+        scenario.load('fls_tip', [f'plant.modes={m}']), run_blocks, ticks=1024
+    )[0]
              for m in MODES}  # fmt: skip
     sensors = _sensors()
     _draw(plain, bag, modes, sensors)
@@ -135,7 +137,7 @@ def _sensors() -> dict[int, float]:
     for count in SENSORS:
         places = [f'tip_sensor.more_locations={[4.5 + 0.2 * i for i in range(count)]}']
         config = scenario.load('fls_tip', places if count else [])
-        found[count] = loop_us(config, blocks=True)[1]
+        found[count] = in_turns(config, run_blocks)[0]
     return found
 
 
