@@ -36,6 +36,8 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 _EXTERNAL_GRACE_S = 1.0
+_QUIET_S = 1.0
+"""Wall time without a torque after which a controller has no more to say."""
 
 
 class ControllerSeat:
@@ -67,7 +69,9 @@ class ControllerSeat:
         self._largest = 0.0
         self._equal = self._answered = 0
         self._begun: dict[int, float] = {}
-        self._held: dict[int, bytes] = {}
+        self._held: dict[int, tuple[float, ...]] = {}
+        self._heard: dict[int, tuple[float, ...]] = {}
+        self._compared: set[int] = set()
         self.latencies: list[float] = []
         """Time from a tick's publication to the arrival of its torque, s; without a barrier."""
 
@@ -126,7 +130,10 @@ class ControllerSeat:
                     'controller', f'tick {tick}: {self._topic.name}: {error}'
                 ) from None
             if came == stamp:
-                self._compare(torque, recorded, stamp)
+                self._answered += 1
+                answers, held = self._topic.codec.decode_any(recorded) if recorded else (0, None)
+                # Of a free-running run it may be held from an earlier tick.
+                self._compare(stamp, torque, held if answers == stamp else None)
                 return
             other = f'; one with stamp {came} ns came, due is {stamp} ns'
         if not self._stopped():
@@ -143,7 +150,8 @@ class ControllerSeat:
     def hear(self, recorded: bytes | None = None) -> None:
         """Take the torques that have come; ``recorded``: what was held over the last tick."""
         if recorded is not None:
-            self._held[self._topic.codec.decode_any(recorded)[0]] = recorded
+            stamp, held = self._topic.codec.decode_any(recorded)
+            self._compare(stamp, self._heard.get(stamp), self._held.setdefault(stamp, held))
         while (taken := self._subscription.handle.take_message(self._kind, True)) is not None:
             now = time.monotonic()
             try:
@@ -152,32 +160,34 @@ class ControllerSeat:
                 raise RunFailed('controller', f'{self._topic.name}: {error}') from None
             begun = self._begun.get(stamp)
             if begun is not None:
+                self._answered += 1
                 self.latencies.append(arrival(taken[1], now) - begun)
-                self._compare(torque, self._held.get(stamp))
+                self._heard[stamp] = torque
+                self._compare(stamp, torque, self._held.get(stamp))
 
     def hear_last(self) -> None:
-        """Wait until the last tick is answered, at most the time that an answer may take."""
-        deadline, last = time.monotonic() + self._limit, len(self._begun)
-        while len(self.latencies) < last and time.monotonic() < deadline and not self._stopped():
-            before = len(self.latencies)
-            self._waiter.wait([self._subscription.handle], int(0.1 * 1e9))
-            self.hear()
-            if before and len(self.latencies) == before:
+        """Wait until all ticks are answered, or a second has brought nothing."""
+        until = time.monotonic() + min(self._limit, _QUIET_S)
+        while len(self.latencies) < len(self._begun) and not self._stopped():
+            left = until - time.monotonic()
+            if left <= 0.0:
                 return  # it does not answer every tick, and has nothing more to say
+            before = len(self.latencies)
+            self._waiter.wait([self._subscription.handle], int(min(left, 0.1) * 1e9))
+            self.hear()
+            if len(self.latencies) > before:
+                until = time.monotonic() + min(self._limit, _QUIET_S)
 
     def _compare(
-        self, torque: tuple[float, ...], recorded: bytes | None, stamp: int | None = None
+        self, stamp: int, torque: tuple[float, ...] | None, recorded: tuple[float, ...] | None
     ) -> None:
-        """Compare a torque with the recorded one; not with one that answers another ``stamp``."""
-        self._answered += 1
-        if recorded is None:
+        """Compare the torque that answers ``stamp`` with the recorded one, once both are known."""
+        if torque is None or recorded is None or stamp in self._compared:
             return
-        answers, before = self._topic.codec.decode_any(recorded)
-        if stamp is not None and answers != stamp:
-            return  # of a free-running run: held over this tick, from an earlier one
-        self._equal += torque == before
+        self._compared.add(stamp)
+        self._equal += torque == recorded
         self._largest = max(
-            self._largest, *(abs(a - b) for a, b in zip(torque, before, strict=True))
+            self._largest, *(abs(a - b) for a, b in zip(torque, recorded, strict=True))
         )
 
     def comparison(self) -> str:
