@@ -24,10 +24,10 @@ from flexarm_ros.core.arm.full.dynamics import make_work
 from flexarm_ros.core.arm.full.model import (
     link_bases,
     make_constants_on,
-    Records,
 )
 from flexarm_ros.core.arm.full.plant import ACCURATE_PHASE, mass_matrix
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import PlantParameters
 from flexarm_ros.identification.motion import BIAS, FILTERED, SLOPE
 from flexarm_ros.identification.setting import GaugeParameters, Setting

@@ -29,8 +29,8 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.arm.full.dynamics import mass_and_bias
-from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.records import Records
 import numpy as np
 from numpy.typing import NDArray
 

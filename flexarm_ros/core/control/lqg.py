@@ -32,7 +32,7 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import step
-from flexarm_ros.core.arm.full.model import floats, Records
+from flexarm_ros.core.arm.full.model import floats
 from flexarm_ros.core.arm.kinematics import elastic_point
 from flexarm_ros.core.control.design.filter import fill_filter, FilterModel, UNKNOWNS
 from flexarm_ros.core.control.design.model import adjust, Arm, Point
@@ -43,6 +43,7 @@ from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import exp
+from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
     RunConfig,

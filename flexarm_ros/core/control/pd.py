@@ -28,12 +28,13 @@ from flexarm_ros.core.control.feedback import (
 from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.control.law import Law, Sample
 from flexarm_ros.core.numerics.compiled import compiled
+from flexarm_ros.core.numerics.records import record_type
 from flexarm_ros.core.parameters.sections import RunConfig
 import numpy as np
 from numpy.typing import NDArray
 
 _NUMBERS = ('rest', 'length1', 'length2', 'kp', 'kd', 'ks', 'kn', 'torque_limit')
-SETTINGS = np.dtype(
+SETTINGS = record_type(
     [(name, '?') for name in ('fuzzy', 'encoder', 'joint_rates')]
     + [(name, 'f8') for name in _NUMBERS]
 )

@@ -25,10 +25,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import make_work, mass_and_bias
-from flexarm_ros.core.arm.full.model import link_bases, make_constants_on, Records
+from flexarm_ros.core.arm.full.model import link_bases, make_constants_on
 from flexarm_ros.core.arm.full.plant import elastic_diagonals
 from flexarm_ros.core.arm.plant_eq14 import eq14_terms, Eq14Matrices
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import PlantParameters
 from numba.extending import overload
 

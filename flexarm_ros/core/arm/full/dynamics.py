@@ -32,10 +32,11 @@ from functools import lru_cache
 from typing import Any, Protocol
 
 from flexarm_ros.core.arm.full.link import link_terms, terms_type
-from flexarm_ros.core.arm.full.model import Constants, record_type, Records
+from flexarm_ros.core.arm.full.model import Constants
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import sincos
 from flexarm_ros.core.numerics.linalg import solve_upper
+from flexarm_ros.core.numerics.records import record_type, Records
 from flexarm_ros.core.numerics.runge_kutta import DOP853, RK4
 import numpy as np
 
@@ -96,7 +97,7 @@ def mass_and_bias(constants: Records, q: FloatArray, qd: FloatArray, work: Recor
 def _mass_and_bias(con: Constants, q: FloatArray, qd: FloatArray, work: Work) -> None:
     link1, link2 = con.links[0], con.links[1]
     one, two = work.links[0], work.links[1]
-    n = len(link1.mean)
+    n = len(link1.mass_shape)
     second = 2 + n  # start of link 2's coordinates
     a, b = q[2:second], q[second:]
     da, db = qd[2:second], qd[second:]
@@ -166,10 +167,10 @@ def _mass_and_bias(con: Constants, q: FloatArray, qd: FloatArray, work: Work) ->
             )
         for k in range(n):
             mass[2 + i, second + k] = (
-                reach_x[i] * two.axial[k] + reach_y[i] * link2.mean[k] + slope * two.h[k]
+                reach_x[i] * two.axial[k] + reach_y[i] * link2.mass_shape[k] + slope * two.h[k]
             )
     for k in range(n):
-        dx, dy, row = two.axial[k], link2.mean[k], second + k
+        dx, dy, row = two.axial[k], link2.mass_shape[k], second + k
         mass[0, row] = base_x * dx + base_y * dy + two.h[k]
         mass[1, row] = two.h[k]
         force[row] = two.bias[k] + dx * rest_x + dy * rest_y

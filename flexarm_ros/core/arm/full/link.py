@@ -33,8 +33,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from flexarm_ros.core.arm.full.model import Link, record_type
+from flexarm_ros.core.arm.full.model import Link
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.records import record_type
 
 
 class LinkTerms(Protocol):
@@ -42,8 +43,8 @@ class LinkTerms(Protocol):
     Result of :func:`link_terms`, and its scratch.
 
     ``sx``, ``sy``: S (kg m); ``spin_inertia``: I (kg m^2); ``fx``, ``fy``: f_v (N); ``fw``: f_w
-    (N m).  (N,) ``axial``: the x row of D (its y row is the constant ``mean``); ``h``; ``bias``:
-    f_a.  ``flexible`` (N, N): F, of which the lower triangle is set.
+    (N m).  (N,) ``axial``: the x row of D (its y row is the constant ``mass_shape``); ``h``;
+    ``bias``: f_a.  ``flexible`` (N, N): F, of which the lower triangle is set.
 
     Scratch: ``cross`` (N, N); ``squares``, ``rates``, ``stretch``, ``bend`` (P,): products of
     coordinates and of rates, sums over pairs; ``chord``, ``rate_chord``, ``change``, ``across``,
@@ -108,7 +109,7 @@ def _pair_products(a: FloatArray, da: FloatArray, out: LinkTerms) -> None:
 @compiled
 def _quadratic_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTerms) -> None:
     """Set the terms of the single integrals of phi and of G."""
-    n = len(link.mean)
+    n = len(link.mass_shape)
     for i in range(n):
         out.chord[i], out.rate_chord[i], out.change[i] = 0.0, 0.0, 0.0
     for j in range(n):
@@ -123,8 +124,8 @@ def _quadratic_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: L
         along += a[i] * out.chord[i]
         along_rate += da[i] * out.chord[i]
         rate2 += da[i] * out.rate_chord[i]
-        across += link.mean[i] * a[i]
-        across_rate += link.mean[i] * da[i]
+        across += link.mass_shape[i] * a[i]
+        across_rate += link.mass_shape[i] * da[i]
         spin += a[i] * out.change[i]
         spin_rate += da[i] * out.change[i]
         out.h[i] = link.moment[i]
@@ -140,7 +141,7 @@ def _quadratic_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: L
 @compiled
 def _cross_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTerms) -> None:
     """Add the terms of int rho phi_i G_jk: the foreshortening seen across the link."""
-    n = len(link.mean)
+    n = len(link.mass_shape)
     for i in range(n):
         out.across[i] = 0.0
         for j in range(n):
@@ -170,7 +171,7 @@ def _cross_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkT
 @compiled
 def _quartic_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTerms) -> None:
     """Set F and add the terms of int rho G_ik G_jl: the inertia of the axial motion."""
-    n, pairs = len(link.mean), len(link.bend)
+    n, pairs = len(link.mass_shape), len(link.bend)
     for p in range(pairs):
         out.stretch[p], out.bend[p] = 0.0, 0.0
     for q in range(pairs):

@@ -37,15 +37,12 @@ from flexarm_ros.core.arm.basis_arm import arm_bases
 from flexarm_ros.core.arm.basis_integrals import linear_integrals, shortening_integrals
 from flexarm_ros.core.arm.plant import material_damping
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.records import record_type, Records
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
-from numpy.typing import NDArray
-
-Records = NDArray[np.void]
-"""An array of one record, ``(1,)``: numba takes an array of records faster than a record."""
 
 SCALARS = ('mass', 'first', 'inertia', 'length')
-VECTORS = ('mean', 'moment', 'end', 'end_slope', 'stiffness', 'damping', 'flexible_end')
+VECTORS = ('mass_shape', 'moment', 'end', 'end_slope', 'stiffness', 'damping', 'flexible_end')
 MATRICES = ('spin', 'modal', 'short', 'end_short')
 
 
@@ -59,9 +56,9 @@ class Link(Protocol):
     (kg m^2), all of the straight link with its end mass and inertia; ``length`` with the rigid
     parts (m).
 
-    (N,) ``mean``: int rho phi (kg); ``moment``: int rho (h + s) phi plus the end inertia's slope
-    (kg m); ``end``: phi(L + e); ``end_slope``: phi'(L) (1/m); ``stiffness`` (N/m) and ``damping``
-    (N s/m) of each coordinate; ``flexible_end``: phi(L).
+    (N,) ``mass_shape``: int rho phi (kg); ``moment``: int rho (h + s) phi plus the end inertia's
+    slope (kg m); ``end``: phi(L + e); ``end_slope``: phi'(L) (1/m); ``stiffness`` (N/m) and
+    ``damping`` (N s/m) of each coordinate; ``flexible_end``: phi(L).
 
     (N, N) ``spin``: int rho (phi phi^T - (h + s) G), the change of the moment of inertia with a
     (kg); ``modal``: int rho phi phi^T plus the end inertia's (kg); ``short``: int rho G (kg/m);
@@ -77,7 +74,7 @@ class Link(Protocol):
     first: float
     inertia: float
     length: float
-    mean: FloatArray
+    mass_shape: FloatArray
     moment: FloatArray
     end: FloatArray
     end_slope: FloatArray
@@ -104,11 +101,6 @@ class Constants(Protocol):
 
     hub: FloatArray
     links: Any
-
-
-def record_type(fields: list[tuple[Any, ...]]) -> Any:
-    """Return a dtype whose fields are attributes, compiled or not."""
-    return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
 @lru_cache

@@ -27,7 +27,7 @@ from flexarm_ros.core.arm.full.dynamics import (
     mass_and_bias,
     step,
 )
-from flexarm_ros.core.arm.full.model import make_constants, Records
+from flexarm_ros.core.arm.full.model import make_constants
 from flexarm_ros.core.arm.plant import (
     choose_substeps,
     deflection_limits,
@@ -36,6 +36,7 @@ from flexarm_ros.core.arm.plant import (
 )
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.numerics.linalg import largest_rate
+from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.numerics.runge_kutta import DOP853, RK4
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.core.signals import coordinate_names

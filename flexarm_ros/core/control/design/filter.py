@@ -30,7 +30,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.control.design.model import (
     Arm,
     discretise,
@@ -40,6 +39,7 @@ from flexarm_ros.core.control.design.model import (
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.records import Records
 import numpy as np
 
 UNKNOWNS = 5

@@ -25,10 +25,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import acceleration
-from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.arm.kinematics import elastic_point
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.numerics.linalg import multiply
+from flexarm_ros.core.numerics.records import Records
 import numpy as np
 
 _TAYLOR = 10

@@ -22,12 +22,13 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import make_work
-from flexarm_ros.core.arm.full.model import floats, link_bases, make_constants_on, Records
+from flexarm_ros.core.arm.full.model import floats, link_bases, make_constants_on
 from flexarm_ros.core.arm.full.plant import FullPlant
 from flexarm_ros.core.arm.kinematics import inverse_kinematics, make_point
 from flexarm_ros.core.control.design.model import adjust, Arm, Point
 from flexarm_ros.core.control.design.plan import fill_ticks, Grid, make_plan, Motion, Weights
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import (
     PlantParameters,
     RunConfig,

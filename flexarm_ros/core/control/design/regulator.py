@@ -31,7 +31,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexarm_ros.core.arm.full.model import Records
 from flexarm_ros.core.control.design.model import (
     Arm,
     interval_matrices,
@@ -48,6 +47,7 @@ from flexarm_ros.core.numerics.linalg import (
     symmetrise,
     transpose_multiply,
 )
+from flexarm_ros.core.numerics.records import Records
 import numpy as np
 
 
