@@ -149,6 +149,8 @@ def raw(node: Skeleton, role: str) -> None:
         for tick in range(node.ticks):
             if role == 'plant':
                 _begin(node, tick)
+            # The first input is the last to come: a take before it is here would fail every time.
+            waiter.wait([node.handles[INPUTS[role][0]]], int(_LIMIT_S * 1e9))
             for name in INPUTS[role]:
                 while node.count[name] <= tick:
                     if not node.take(name):
