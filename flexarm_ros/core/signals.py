@@ -58,6 +58,13 @@ class PlanarPoint:
 
 
 @dataclass(frozen=True)
+class PlanarForce:
+    """fx, fy (N) in ``base``."""
+
+    width: ClassVar[int] = 2
+
+
+@dataclass(frozen=True)
 class Signal:
     """
     The output of a part at each tick: the name of a topic and its content.
@@ -66,7 +73,7 @@ class Signal:
     """
 
     name: str
-    content: Clock | Joints | PlanarPoint
+    content: Clock | Joints | PlanarPoint | PlanarForce
     every: int = 1
 
 

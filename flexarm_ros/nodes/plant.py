@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.run.make_plant import make_plant
+from flexarm_ros.core.run.parts import DRIVES, PlantPart
 from flexarm_ros.core.run.real_time import flat, shown
 from flexarm_ros.nodes.realtime.command import CommandInput
 from flexarm_ros.nodes.realtime.free import FreeRun
@@ -90,10 +91,12 @@ class PlantNode(Participant):
 
     def build(self) -> None:
         """Create the arm at its initial state."""
-        self.plant = make_plant(self.config)
-        self._command = self.inputs['joint_command']
+        self.plant: Any = make_plant(self.config)
+        self._read = [self.inputs[name] for name in PlantPart.reads(self.config)]
+        self._command = self._read[0]
         self._time = self.outputs['/clock']
         self._state = self.outputs['plant/state']
+        self._drives = self.outputs.get(DRIVES)
         self._missing = self._command
         self._window = recorder_window(self.timeline.period_ns)
         self._free = self._free_run()
@@ -142,7 +145,7 @@ class PlantNode(Participant):
             return self._advance_free(self._free)
         answered = self._sent
         if answered:
-            if not self.have(self._command):
+            if not self.have(*self._read):
                 return False
             self._sent = False
             if self.tick + 1 >= self.timeline.ticks:
@@ -168,7 +171,9 @@ class PlantNode(Participant):
 
     def _step(self, torque: Sequence[float]) -> str:
         """Integrate over a tick; return what makes the arm unstable behind it, or nothing."""
-        self.plant.step(torque[0], torque[1])
+        if len(self._read) > 1:
+            self.plant.disturb(self.tick, *self._read[1].values)
+        self.plant.step(*torque)
         return instability(self.plant) or ''
 
     def _advance_free(self, free: FreeRun) -> bool:
@@ -216,6 +221,8 @@ class PlantNode(Participant):
         stamp = self.timeline.stamp_ns(self.tick)
         plant = self.plant
         d1, d2, rate1, rate2 = plant.deflections()
+        if self._drives is not None:
+            self._drives.send(stamp, *plant.drives.ravel().tolist())
         self._state.send(stamp, *plant.q.tolist(), d1, d2, *plant.qd.tolist(), rate1, rate2)
         if self._time.topic.due(self.tick):
             self._time.send(stamp)

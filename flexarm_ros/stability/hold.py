@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.numerics.runge_kutta import Tableau, TABLEAUS
+from flexarm_ros.core.parameters.rig import ActuatorParameters
 from flexarm_ros.core.sensing.delay import pade2_matrices
 from flexarm_ros.stability.modes import LinearArm
 import numpy as np
@@ -37,7 +38,39 @@ def hold_matrices(
     order and that many steps, as the plants compute it: its stability function
     of the continuous matrix times the step.
     """
-    state, force = arm.state_space()
+    return _held(*arm.state_space(), period, steps)
+
+
+def driven_hold_matrices(
+    arm: LinearArm,
+    drive: ActuatorParameters | None,
+    period: float,
+    steps: tuple[int, int] | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """
+    Return the same from the commanded torques on, with the drives' efficiency and bandwidth.
+
+    The torques of drives with a bandwidth are further states, behind those of the arm.
+    """
+    if drive is None:
+        return hold_matrices(arm, period, steps)
+    a, b = arm.state_space()
+    rates = 2.0 * np.pi * np.array(drive.bandwidth)
+    lagged = [joint for joint in (0, 1) if rates[joint] > 0.0]
+    size, more = len(a), len(lagged)
+    state, force = np.zeros((size + more, size + more)), np.zeros((size + more, 2))
+    state[:size, :size], state[:size, size:] = a, b[:, lagged]
+    force[:size] = b * np.array(drive.efficiency)
+    for row, joint in enumerate(lagged, start=size):
+        state[row, row] = -rates[joint]
+        force[:size, joint] = 0.0
+        force[row, joint] = rates[joint] * drive.efficiency[joint]
+    return _held(state, force, period, steps)
+
+
+def _held(
+    state: FloatArray, force: FloatArray, period: float, steps: tuple[int, int] | None
+) -> tuple[FloatArray, FloatArray]:
     size, inputs = force.shape
     whole = np.zeros((size + inputs, size + inputs))
     whole[:size, :size], whole[:size, size:] = state, force

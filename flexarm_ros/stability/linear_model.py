@@ -86,7 +86,8 @@ def linear_model(
     Return the arm of ``config`` with both sensors and their delays, about rest at a pose, rad.
 
     Outputs: the plant's coordinates and rates (undelayed), encoder and tip sensor as delivered,
-    the end deflections (undelayed).  Not included: noise, encoder resolution, motion of the
+    the end deflections (undelayed).  Inputs: the torques at the joints.  Not included: drives,
+    Coulomb friction, noise, encoder resolution, motion of the
     pose.  Raises ``ValueError``, naming the key, for a tip sensor slower than the tick (not
     time-invariant) and for a delay of too many ticks.
     """

@@ -17,7 +17,8 @@ The sampled closed loop, linearised about rest at a pose of the arm.
 
 The loop's state is
 
-    (x, x', content of each sensor's delay line, a held tip sample, the law's own state)
+    (x, x', torques of drives with a bandwidth, content of each sensor's delay line, a held tip
+    sample, the law's own state)
 
 at the start of a tick: the sensors deliver, the law computes, the torques are held and the arm
 moves to the next tick.  Small motions about the pose decay if every eigenvalue of this one-tick
@@ -29,13 +30,15 @@ arm swings.
 
 The motion-planning laws are in :mod:`flexarm_ros.stability.planned`.
 
-Not in the linear analysis: torque limits, noise, encoder resolution, motion of the pose.
+Not in the linear analysis: torque limits, Coulomb friction, backlash, noise, resolutions,
+disturbances, motion of the pose.  Viscous friction and the drives' bandwidth are in it.
 """
 
 from __future__ import annotations
 
 from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.rig import ActuatorParameters
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.make_plant import choose_integrator
 from flexarm_ros.core.sensing.sensors import ticks_per_sample
@@ -44,7 +47,7 @@ from flexarm_ros.stability.form import LinearLaw
 from flexarm_ros.stability.hold import (
     buffer_line,
     DelayLine,
-    hold_matrices,
+    driven_hold_matrices,
     line_length,
     pade_line,
 )
@@ -70,10 +73,18 @@ def sensor_of(config: RunConfig) -> str:
 
 def left_out(config: RunConfig) -> list[str]:
     """Return the keys of a scenario that affect the simulation but not its linear analysis."""
+    drive = config.section('actuator') or ActuatorParameters()
     keys = {
+        **{
+            f'actuator.{key}': any(getattr(drive, key))
+            for key in ('backlash', 'resolution', 'torque_limit')
+        },
         'controller.torque_limit': config.controller.torque_limit,
+        'disturbance': config.section('disturbance') is not None,
         'encoder.noise_std': config.encoder.noise_std,
         'encoder.resolution': config.encoder.resolution,
+        'plant.coulomb_friction': any(config.plant.coulomb_friction),
+        'plant.coulomb_friction_negative': any(config.plant.coulomb_friction_negative or ()),
         'tip_sensor.noise_std': config.tip_sensor.noise_std,
         'trajectory.delay': config.trajectory.delay,
     }
@@ -107,7 +118,7 @@ class SampledLoop:
         self.arm = linearise(config, theta2)
         self.law = linear_law(config, self.arm, time)
         steps = choose_integrator(config) if integrator == 'plant' else None
-        self.hold = hold_matrices(self.arm, self.period, steps)
+        self.hold = driven_hold_matrices(self.arm, config.section('actuator'), self.period, steps)
         self.ticks_per_sample = ticks_per_sample(tip.rate, self.period_ns)
         point = self.arm.point(tip.location, tip.measurand == 'elastic')
         joints = np.eye(2, len(self.arm.mass))
@@ -134,7 +145,7 @@ class SampledLoop:
         if self.sensor == 'tip_sensor' and self._pade:
             return NS_PER_S
         width = max(
-            len(self._split(self.law, len(self.hold[0]) + CHANNELS * i)[1]) for i in (0, 1)
+            len(self._split(self.law, 2 * len(self.arm.mass) + CHANNELS * i)[1]) for i in (0, 1)
         )
         return MOST_STATES // max(width, 1) * self.period_ns
 
@@ -190,8 +201,8 @@ class SampledLoop:
     def _tick(self, law: LinearLaw, latencies: dict[str, int], fresh: bool) -> FloatArray:
         """Return the one-tick matrix; ``fresh``: the tip sensor takes a sample at this tick."""
         a, b = self.hold
-        size, own = len(a), len(law.a)
-        split = [self._split(law, size + CHANNELS * i) for i in (0, 1)]
+        size, own, arm = len(a), len(law.a), 2 * len(self.arm.mass)
+        split = [self._split(law, arm + CHANNELS * i) for i in (0, 1)]
         lines = [
             self._line(node, latencies[node], len(combined))
             for node, (_, combined) in zip(NODES, split, strict=True)
@@ -204,14 +215,14 @@ class SampledLoop:
         total = int(ends[-1])
         result = np.zeros((total, total))
         # The law's inputs as rows over the whole state: b for its own state, d for the torques.
-        rows = np.vstack([law.b, law.d])[:, :size] @ np.eye(size, total)
+        rows = np.vstack([law.b, law.d])[:, :arm] @ np.eye(arm, total)
         for place, line, sensed, (gains, combined) in zip(
             (first, second), lines, self._sensed, split, strict=True
         ):
             sample = combined @ sensed
-            result[place, :size], result[place, place] = line.b @ sample, line.a
+            result[place, :arm], result[place, place] = line.b @ sample, line.a
             delivered = np.zeros((len(combined), total))
-            delivered[:, :size], delivered[:, place] = line.d @ sample, line.c
+            delivered[:, :arm], delivered[:, place] = line.d @ sample, line.c
             if place is second and kept:
                 if not fresh:
                     delivered[:] = np.eye(kept, total, store.start)

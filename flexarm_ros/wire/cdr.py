@@ -297,6 +297,20 @@ class OdometryCodec(Codec):
         super().__init__('nav_msgs/msg/Odometry', labels, image)
 
 
+class WrenchCodec(Codec):
+    """``geometry_msgs/msg/WrenchStamped``: fx, fy (N) in the plane, no torque."""
+
+    def __init__(self, frame_id: str) -> None:
+        image = _Image()
+        image.stamp()
+        image.text(frame_id)
+        image.slots(2)
+        for _ in range(4):  # force z, torque
+            image.constant('d', 0.0)
+        labels = ('wrench.force.x', 'wrench.force.y')
+        super().__init__('geometry_msgs/msg/WrenchStamped', labels, image)
+
+
 class ClockCodec(Codec):
     """``rosgraph_msgs/msg/Clock``: only a stamp."""
 

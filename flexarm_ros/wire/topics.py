@@ -28,8 +28,8 @@ from dataclasses import dataclass, replace
 
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
 from flexarm_ros.core.run import part, parts
-from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, PlanarPoint
-from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec
+from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, PlanarForce, PlanarPoint
+from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec, WrenchCodec
 
 CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = map(
     parts.place,
@@ -143,8 +143,10 @@ def _lockstep_topics(config: RunConfig) -> tuple[Topic, ...]:
     )
 
 
-def codec(content: Clock | Joints | PlanarPoint) -> Codec:
+def codec(content: Clock | Joints | PlanarPoint | PlanarForce) -> Codec:
     """Return the codec of a signal's values."""
+    if isinstance(content, PlanarForce):
+        return WrenchCodec(BASE_FRAME)
     if isinstance(content, Joints):
         return JointStateCodec(content.names, BASE_FRAME, content.fields)
     if isinstance(content, PlanarPoint):

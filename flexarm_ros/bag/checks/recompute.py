@@ -24,10 +24,11 @@ from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.loop_blocks import Stamped, stamped
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.part import Answer
-from flexarm_ros.core.run.parts import answering
+from flexarm_ros.core.run.parts import answering, DRIVES, PlantPart
 from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import CLOCK, COMMAND, STATE, Topic
+import numpy as np
 
 Values = tuple[float, ...]
 
@@ -50,7 +51,10 @@ class Nodes:
         self._topics, self._skip = topics, skip
         self.config, self._agenda = config, Agenda(config.changes)
         self._timeline = Timeline.of(config.run)
-        self._plant = make_plant(config)
+        self._plant: Any = make_plant(config)
+        names = [topic.name for topic in topics]
+        self._plant_reads = [names.index(name) for name in PlantPart.reads(config)]
+        self._drives = names.index(DRIVES) if DRIVES in names else None
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
         self._last_held = self._timeline.stamp_ns(0)
         self._answers: dict[int, Values] | None = {} if config.run.sync == 'free' else None
@@ -72,6 +76,8 @@ class Nodes:
         state = self._state(tick, before)
         if state is not None:
             found[STATE] = (stamp, state.values())
+            if self._drives is not None:
+                found[self._drives] = (stamp, tuple(self._plant.drives.ravel().tolist()))
         recorded = now[STATE]
         views: list[Any] = list(now)
         views[STATE] = MessageState(recorded) if recorded is not None else None
@@ -114,12 +120,18 @@ class Nodes:
             plant.set_state(*self._start)
         else:
             state = before[STATE] if before else None
-            torque = before[COMMAND] if before else None
-            if state is None or torque is None:
+            inputs = [before[i] for i in self._plant_reads] if before else []
+            known = [values for values in inputs if values is not None]
+            drives = before[self._drives] if before and self._drives is not None else ()
+            if state is None or drives is None or len(known) < len(self._plant_reads):
                 return None
             recorded = MessageState(state)
             plant.set_state(recorded.positions, recorded.rates)
-            plant.step(torque[0], torque[1])
+            if drives:
+                plant.drives[:] = np.reshape(drives, (2, 2))
+            if len(known) > 1:
+                plant.disturb(tick - 1, *known[1])
+            plant.step(*known[0])
         return State(plant.q, plant.qd, plant.deflections())
 
 

@@ -24,7 +24,7 @@ from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.part import COMMAND, JOINT_STATES, REFERENCE, TIP
-from flexarm_ros.core.run.parts import Answers, ControllerPart, place
+from flexarm_ros.core.run.parts import Answers, ControllerPart, DRIVES, place, PlantPart
 from flexarm_ros.core.run.state import Four, State
 from flexarm_ros.core.sensing.sensors import Measurement
 from flexarm_ros.core.timeline import Timeline
@@ -110,19 +110,29 @@ class ClosedLoop:
         self.unstable_tick: int | None = None
         self.torque: tuple[float, float] | None = None
         """That of the last tick."""
+        places, inputs = self.answers.places, PlantPart.reads(config)
+        self._last = self.answers.messages
+        self._applied = places[inputs[0]] if inputs[0] != COMMAND else None
+        self._wrench = places[inputs[1]] if len(inputs) > 1 else None
+        self._drives = places.get(DRIVES)
 
     def tick(self) -> TickRecord | None:
         """Run the next tick; ``None`` if the run has ended or the arm is unstable."""
-        plant, k = self.plant, self.k
+        plant: Any = self.plant
+        k = self.k
         if k >= self._ticks or self.unstable is not None:
             return None
         if self.torque is not None:
-            plant.step(*self.torque)
+            if self._wrench is not None:
+                plant.disturb(k - 1, *self._last[self._wrench])
+            plant.step(*(self.torque if self._applied is None else self._last[self._applied]))
         if self._is_unstable():
             return None
         if k >= self._agenda.next:
             self._retune(k)
         state = State(plant.q, plant.qd, plant.deflections())
+        if self._drives is not None:
+            self._last[self._drives] = tuple(plant.drives.ravel().tolist())
         messages = self._tick(k, state)
         self.torque = messages[_COMMAND]
         self._end_tick(k)

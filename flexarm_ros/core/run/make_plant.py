@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from flexarm_ros.core.arm.plant import choose_substeps, Plant
 from flexarm_ros.core.arm.plant_eq14 import Eq14Matrices, Eq14Plant
 from flexarm_ros.core.numerics.runge_kutta import RK4
@@ -27,6 +29,7 @@ import numpy as np
 
 def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
+    config = _lightest(config)
     if config.plant.model == 'full':
         from flexarm_ros.core.arm.full import plant as plant_full
 
@@ -63,7 +66,20 @@ def is_driven(config: RunConfig) -> bool:
     plant = config.plant
     coulomb = (*plant.coulomb_friction, *(plant.coulomb_friction_negative or ()))
     # Viscous friction alone is among the damping of eq14.
-    return any(coulomb) or (plant.model == 'full' and any(plant.viscous_friction))
+    friction = any(coulomb) or (plant.model == 'full' and any(plant.viscous_friction))
+    return friction or any(config.section(name) for name in ('actuator', 'disturbance'))
+
+
+def _lightest(config: RunConfig) -> RunConfig:
+    """Return ``config`` with the plant at its fastest: drives in their gaps, least payload."""
+    plant, drive = config.plant, config.section('actuator')
+    load = config.section('disturbance')
+    if drive is not None and any(drive.backlash):
+        (hub1, hub2), (gap1, gap2) = plant.hub_inertia, drive.backlash
+        plant = replace(plant, hub_inertia=(0.0 if gap1 else hub1, 0.0 if gap2 else hub2))
+    if load is not None and load.payload_masses:
+        plant = replace(plant, payload_mass=min(plant.payload_mass, *load.payload_masses))
+    return config if plant is config.plant else replace(config, plant=plant)
 
 
 def make_plant(config: RunConfig) -> Plant:

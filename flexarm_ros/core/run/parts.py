@@ -38,6 +38,12 @@ from flexarm_ros.core.run.part import (
     STATE,
     TIP,
 )
+from flexarm_ros.core.run.rig_parts import (
+    ACTUATOR_TORQUE,
+    ActuatorPart,
+    DisturbancePart,
+    WRENCH,
+)
 from flexarm_ros.core.signals import (
     Clock,
     coordinate_names,
@@ -55,12 +61,27 @@ if TYPE_CHECKING:
     from flexarm_ros.core.sensing.sensors import Measurement
 
 
+DRIVES = 'plant/drives'
+
+
 class PlantPart(Part):
     """The arm, whose state closes the loop."""
 
     NAME = 'plant'
     READS = (COMMAND,)
     REPLACEABLE = False
+
+    @classmethod
+    def reads(cls, config: RunConfig) -> tuple[str, ...]:
+        """Return the torques, those of the drives if there are any, and the force at the tip."""
+        torque = ACTUATOR_TORQUE if config.section(ActuatorPart.NAME) is not None else COMMAND
+        return (torque, WRENCH) if config.section(DisturbancePart.NAME) is not None else (torque,)
+
+    @classmethod
+    def further_signals(cls, config: RunConfig) -> tuple[Signal, ...]:
+        """Return angles and rates of drives with backlash, rad, rad/s, at the joints."""
+        drive = config.section(ActuatorPart.NAME)
+        return (Signal(DRIVES, Joints()),) if drive is not None and any(drive.backlash) else ()
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
@@ -211,7 +232,8 @@ class RecorderPart(Part):
 _TOPIC = re.compile(r'/?[A-Za-z]\w*(/[A-Za-z]\w*)*', re.ASCII)
 
 PARTS: tuple[type[Part], ...] = (
-    PlantPart, EncoderPart, TipSensorPart, TrajectoryPart, ControllerPart, RecorderPart,
+    PlantPart, EncoderPart, TipSensorPart, TrajectoryPart, ControllerPart, ActuatorPart,
+    DisturbancePart, RecorderPart,
 )  # fmt: skip
 """This package's parts, in the order in which a tick's data flow."""
 

@@ -324,18 +324,12 @@ def _join(
 ) -> None:
     """Fill ``joined`` (n,) with the rates after drives ``s.tried[2:]`` took joints along."""
     n = pos.shape[0] - 2
-    _assemble(model, rig, pos, vel, s)
-    for i in range(n):
-        joined[i] = 0.0
-        for k in range(n):
-            joined[i] += (s.mass[i, k] if i >= k else s.mass[k, i]) * vel[k]
+    _momentum(model, rig, pos, vel, joined, s)
     for j in range(2):
-        if rig.hub[j] > 0.0:
-            joined[j] -= rig.hub[j] * vel[j]
-            if s.tried[2 + j] == 1:
-                joined[j] += rig.hub[j] * vel[n + j]
-            else:
-                s.mass[j, j] -= rig.hub[j]
+        if s.tried[2 + j] == 1:
+            joined[j] += rig.hub[j] * vel[n + j]
+        else:
+            s.mass[j, j] -= rig.hub[j]
     solve_symmetric(s.mass, joined)
 
 
@@ -420,6 +414,44 @@ def _try(
                 slack = _FORCE_TOLERANCE * abs(torque[j])
                 least = min(least, side * s.reaction[2 + j] + slack)
     return least
+
+
+@compiled
+def impulse(
+    before: Any, after: Any, rig: Rig, pos: FloatArray, vel: FloatArray, s: Scratch
+) -> None:
+    """
+    Change the rates as masses at rest are caught: M of ``after`` times them is that of before.
+
+    Drives with backlash keep their rates; where they then press, they follow by impacts.
+    """
+    n = pos.shape[0] - 2
+    momentum = s.stages[5, :n]
+    _momentum(before, rig, pos, vel, momentum, s)
+    _assemble(after, rig, pos, vel, s)
+    for j in range(2):
+        s.mass[j, j] -= rig.hub[j]
+    solve_symmetric(s.mass, momentum)
+    for i in range(n):
+        vel[i] = momentum[i]
+    for j in range(2):
+        if rig.hub[j] == 0.0:
+            vel[n + j] = vel[j]
+
+
+@compiled
+def _momentum(
+    model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, out: FloatArray, s: Scratch
+) -> None:
+    """Fill ``s.mass`` and ``out`` (n,), M times the rates, without drives that have backlash."""
+    n = pos.shape[0] - 2
+    _assemble(model, rig, pos, vel, s)
+    for i in range(n):
+        out[i] = 0.0
+        for k in range(n):
+            out[i] += (s.mass[i, k] if i >= k else s.mass[k, i]) * vel[k]
+    for j in range(2):
+        out[j] -= rig.hub[j] * vel[j]
 
 
 @compiled

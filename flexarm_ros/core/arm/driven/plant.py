@@ -20,14 +20,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from flexarm_ros.core.arm.driven.dynamics import make_scratch, Rig, step_driven
+from flexarm_ros.core.arm.driven.dynamics import impulse, make_scratch, Rig, step_driven
 from flexarm_ros.core.arm.driven.terms import make_terms
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, steps_for
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.parameters.rig import ActuatorParameters, DisturbanceParameters
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.core.signals import coordinate_names
-from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.timeline import NS_PER_S, Timeline
 import numpy as np
 
 Pair = tuple[float, float]
@@ -40,16 +41,15 @@ class DrivenPlant:
     """
     An arm with friction and drives; see `flexarm_ros.core.arm.plant.Plant`.
 
-    ``highest``: its highest rate, 1/s.  ``bandwidth``: of the drives, Hz, 0: none; ``backlash``,
-    rad: the drive of a joint with one is its hub inertia.  ``drives`` ``(2, 2)``: angles and
-    rates of the drives, rad, rad/s, seen at the joints; a view.  Raises ``ValueError`` if
-    ``plant.substeps`` is too small.
+    ``highest``: its highest rate, 1/s.  ``drives`` ``(2, 2)``: angles and rates of the drives,
+    rad, rad/s, seen at the joints; a view.  Those of joints without backlash turn with them, the
+    others are the joints' hub inertias.  Raises ``ValueError`` if ``plant.substeps`` is too
+    small.
     """
 
-    def __init__(
-        self, config: RunConfig, highest: float, bandwidth: Pair = (0.0, 0.0),
-        backlash: Pair = (0.0, 0.0),
-    ) -> None:  # fmt: skip
+    def __init__(self, config: RunConfig, highest: float) -> None:
+        actuator = config.section('actuator') or ActuatorParameters()
+        disturbance = config.section('disturbance') or DisturbanceParameters()
         plant, period = config.plant, Timeline.of(config.run).period
         self.names = coordinate_names(plant.modes)
         self.limits = deflection_limits(plant)
@@ -61,8 +61,13 @@ class DrivenPlant:
         self.q: FloatArray = self._pos[:size]
         self.qd: FloatArray = self._vel[:size]
         self.drives: FloatArray = state[:, size:]
-        self._terms = make_terms(plant, plant.payload_mass)
-        self._rig = _rig(plant, bandwidth, backlash)
+        masses = disturbance.payload_masses or ()
+        self._loads = {m: make_terms(plant, m) for m in {plant.payload_mass, *masses}}
+        self._payloads = list(zip(disturbance.payload_times or (), masses, strict=True))
+        self._first_mass = plant.payload_mass
+        self._period_ns = Timeline.of(config.run).period_ns
+        self._terms = self._loads[plant.payload_mass]
+        self._rig = _rig(plant, actuator.bandwidth, actuator.backlash)
         self._scratch = make_scratch(size)
         self._torque, self._target = np.zeros(2), np.zeros(2)
         self._bends = _bends(plant)
@@ -84,6 +89,26 @@ class DrivenPlant:
             self.substeps, self._scratch,
         )  # fmt: skip
 
+    def disturb(self, k: int, fx: float, fy: float) -> None:
+        """
+        Set the force at the tip, N in ``base``, and the payload of tick ``k``, before `step`.
+
+        A body that is released leaves with the tip's velocity and changes no rate.  One that is
+        grasped was at rest: a plastic impact, in which the momenta of all coordinates stay.
+        """
+        self._scratch.push[0], self._scratch.push[1] = fx, fy
+        if self._payloads:
+            before, mass = (
+                payload_at(self._payloads, tick * self._period_ns / NS_PER_S, self._first_mass)
+                for tick in (k - 1, k)
+            )
+            self._terms = self._loads[mass]
+            if mass > before:
+                impulse(
+                    self._loads[before], self._terms, self._rig, self._pos, self._vel,
+                    self._scratch,
+                )  # fmt: skip
+
     def deflections(self) -> tuple[float, float, float, float]:
         """Return delta1, delta2 (m) and their rates (m/s)."""
         found: tuple[float, float, float, float] = _deflections(self._bends, self.q, self.qd)
@@ -101,6 +126,11 @@ def driven_steps(plant: PlantParameters, period: float, highest: float) -> int:
     if plant.substeps is None and plant.model == 'full':
         return steps_for(highest, period, FULL_PHASE)
     return choose_substeps(plant, period, highest)
+
+
+def payload_at(rows: Sequence[tuple[float, float]], time: float, mass: float) -> float:
+    """Return the payload, kg, at ``time``, s, of rows (t, kg); before the first: ``mass``."""
+    return next((m for t, m in reversed(rows) if t <= time), mass)
 
 
 def _rig(plant: PlantParameters, bandwidth: Pair, backlash: Pair) -> Rig:

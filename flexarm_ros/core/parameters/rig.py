@@ -1,0 +1,100 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sections of optional parts beside sensors: the joints' drives and disturbances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flexarm_ros.core.parameters.spec import parameter as _key
+
+
+@dataclass(frozen=True)
+class ActuatorParameters:
+    """Section ``actuator``: the drives of both joints; ideal by default."""
+
+    bandwidth: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'Hz', 'bandwidth of the torque loop of each drive, a first-order '
+        'lag; 0: immediate', low=0.0, high=1e6,
+    )  # fmt: skip
+    torque_limit: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'N m', 'saturation of the torque of each drive, at the joint; '
+        '0: none', low=0.0, high=1e9,
+    )  # fmt: skip
+    torque_constant: tuple[float, float] = _key(
+        (1.0, 1.0), 'float2', 'N m/A', 'torque constant of each motor, before the gear; for '
+        'measured currents, without effect on a run', low=0.0, low_open=True, high=1e6,
+    )  # fmt: skip
+    gear_ratio: tuple[float, float] = _key(
+        (1.0, 1.0), 'float2', '', 'motor turns per joint turn of each drive; for measured '
+        'currents, without effect on a run', low=0.0, low_open=True, high=1e6,
+    )  # fmt: skip
+    efficiency: tuple[float, float] = _key(
+        (1.0, 1.0), 'float2', '', 'fraction of the commanded torque that arrives at each joint',
+        low=0.0, low_open=True, high=1.0,
+    )  # fmt: skip
+    backlash: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'rad', 'play of each gear, end to end, at the joint; the inertia '
+        'within it is plant.hub_inertia', low=0.0, high=1.0,
+    )  # fmt: skip
+    resolution: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'N m', 'step of the commanded torque of each drive; 0: none',
+        low=0.0, high=1e9,
+    )  # fmt: skip
+
+    @property
+    def torque_per_ampere(self) -> tuple[float, float]:
+        """Return the torque at each joint per ampere of its motor, N m/A."""
+        first, second = (
+            constant * ratio * part
+            for constant, ratio, part in zip(
+                self.torque_constant, self.gear_ratio, self.efficiency, strict=True
+            )
+        )
+        return first, second
+
+
+@dataclass(frozen=True)
+class DisturbanceParameters:
+    """
+    Section ``disturbance``: a force at the tip and changes of the payload.
+
+    The files' rows become the arrays beside them when a user's scenario is read, so that they
+    travel with the scenario.
+    """
+
+    force_file: str | None = _key(
+        None, 'str', '', 'CSV t,fx,fy of a force at the tip, s and N in base; linear between '
+        'rows, taken at the middle of each tick; path relative to the scenario',
+    )  # fmt: skip
+    payload_file: str | None = _key(
+        None, 'str', '', 'CSV t,payload_mass, s and kg: payload at the tip from the first tick '
+        'at or after t on; path relative to the scenario',
+    )  # fmt: skip
+    force_times: tuple[float, ...] | None = _key(
+        None, 'floats', 's', 'column t of force_file', low=-1e7, high=1e7
+    )
+    force_x: tuple[float, ...] | None = _key(
+        None, 'floats', 'N', 'column fx of force_file', low=-1e9, high=1e9
+    )
+    force_y: tuple[float, ...] | None = _key(
+        None, 'floats', 'N', 'column fy of force_file', low=-1e9, high=1e9
+    )
+    payload_times: tuple[float, ...] | None = _key(
+        None, 'floats', 's', 'column t of payload_file', low=-1e7, high=1e7
+    )
+    payload_masses: tuple[float, ...] | None = _key(
+        None, 'floats', 'kg', 'column payload_mass of payload_file', low=0.0, high=1e6
+    )

@@ -1,0 +1,161 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Optional parts between controller and arm: the drives, and disturbances."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+import math
+from typing import Any
+
+from flexarm_ros.core.parameters.rig import ActuatorParameters, DisturbanceParameters
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.part import Answer, Column, COMMAND, STATE
+from flexarm_ros.core.signals import JOINTS, Joints, PlanarForce, Signal
+from flexarm_ros.core.timeline import Timeline
+
+ACTUATOR_TORQUE, WRENCH = 'actuator/torque', 'disturbance/wrench'
+
+
+class ActuatorPart(Answer):
+    """
+    The drives: from the commanded torque to that applied at the joints.
+
+    The command is rounded to the resolution, reduced by the efficiency and saturated: the set
+    point, which the torque approaches with the drive's bandwidth.  Backlash is the plant's.
+    """
+
+    NAME = 'actuator'
+    Parameters = ActuatorParameters
+    READS = (COMMAND,)
+
+    @classmethod
+    def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
+        """Return the torques applied at the time of the stamp, then their set points."""
+        names = (*JOINTS, *(f'{joint}_set_point' for joint in JOINTS))
+        return (Signal(ACTUATOR_TORQUE, Joints(names, ('effort',))),)
+
+    @classmethod
+    def columns(cls, config: RunConfig) -> tuple[Column, ...]:
+        """Return the applied torques."""
+        return tuple(Column(f'applied{i + 1}', ACTUATOR_TORQUE, i) for i in (0, 1))
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for backlash of a drive without inertia, and out of lock-step."""
+        drive, hubs = config.section(cls.NAME), config.plant.hub_inertia
+        for joint, (gap, hub) in enumerate(zip(drive.backlash, hubs, strict=True)):
+            if gap > 0.0 and hub == 0.0:
+                raise ValueError(
+                    f'actuator.backlash: {gap!r} rad of {JOINTS[joint]}, whose '
+                    'plant.hub_inertia is 0; allowed: 0, or a hub inertia above 0'
+                )
+        if config.run.sync == 'free':
+            raise ValueError('actuator: /**.sync is free; allowed with this section: lockstep')
+
+    def __init__(self, config: RunConfig) -> None:
+        from flexarm_ros.core.numerics.elementary import exp
+
+        self._drive: ActuatorParameters = config.section(self.NAME)
+        period = Timeline.of(config.run).period
+        self._falls = [
+            exp(-2.0 * math.pi * hz * period) if hz > 0.0 else 0.0 for hz in self._drive.bandwidth
+        ]
+        self._torque = (0.0, 0.0)
+        self._lag = [hz > 0.0 for hz in self._drive.bandwidth]
+
+    def answer(self, k: int, command: tuple[float, float]) -> tuple[float, ...]:
+        """Return the torques at t_k and the set points from there on, N m."""
+        points = self._set_point(command[0], 0), self._set_point(command[1], 1)
+        now = tuple(
+            torque if lag else point
+            for torque, point, lag in zip(self._torque, points, self._lag, strict=True)
+        )
+        first, second = (
+            point + (torque - point) * fall
+            for point, torque, fall in zip(points, now, self._falls, strict=True)
+        )
+        self._torque = first, second
+        return (*now, *points)
+
+    def _set_point(self, command: float, joint: int) -> float:
+        drive = self._drive
+        step, limit = drive.resolution[joint], drive.torque_limit[joint]
+        if step > 0.0 and abs(command) < 1e15 * step:
+            command = round(command / step) * step
+        torque = drive.efficiency[joint] * command
+        return min(max(torque, -limit), limit) if limit > 0.0 else torque
+
+
+class DisturbancePart(Answer):
+    """A force at the tip, from its file; an external node may give any."""
+
+    NAME = 'disturbance'
+    Parameters = DisturbanceParameters
+    READS = (STATE,)
+
+    @classmethod
+    def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
+        """Return the force over the tick."""
+        return (Signal(WRENCH, PlanarForce()),)
+
+    @classmethod
+    def columns(cls, config: RunConfig) -> tuple[Column, ...]:
+        """Return the force."""
+        return Column('force_x', WRENCH, 0), Column('force_y', WRENCH, 1)
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for tables that are not whole, and out of lock-step."""
+        held = config.section(cls.NAME)
+        for file, names in TABLES.items():
+            columns = [getattr(held, name) for name in names]
+            given = [column for column in columns if column is not None]
+            if getattr(held, file) is not None and not given:
+                raise ValueError(f'disturbance.{file}: its contents were not supplied')
+            if given and (len(given) < len(names) or len({len(c) for c in given}) > 1):
+                keys = ', '.join(names)
+                raise ValueError(f'disturbance.{names[0]}: {keys} must be of one length')
+            for before, after in pairwise(columns[0] or ()):
+                if after < before:
+                    raise ValueError(
+                        f'disturbance.{names[0]}: {after!r} s after {before!r} s; times must not '
+                        'fall'
+                    )
+        if config.run.sync == 'free':
+            raise ValueError('disturbance: /**.sync is free; allowed with this section: lockstep')
+
+    def __init__(self, config: RunConfig) -> None:
+        from flexarm_ros.core.control.open_loop import torque_at
+        import numpy as np
+
+        held = config.section(self.NAME)
+        self._at, self._period_ns = torque_at, Timeline.of(config.run).period_ns
+        columns = (held.force_times, held.force_x, held.force_y)
+        self._table = np.array([column or () for column in columns], dtype=float).T.copy()
+
+    def answer(self, k: int, state: Any) -> tuple[float, float]:
+        """Return fx, fy, N, at the middle of the tick."""
+        if not len(self._table):
+            return 0.0, 0.0
+        found: tuple[float, float] = self._at(self._table, k, self._period_ns, 0.0)
+        return found
+
+
+TABLES = {
+    'force_file': ('force_times', 'force_x', 'force_y'),
+    'payload_file': ('payload_times', 'payload_masses'),
+}
+"""Key of a file in section ``disturbance`` -> keys of its columns."""
