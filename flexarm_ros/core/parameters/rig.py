@@ -46,13 +46,25 @@ class ActuatorParameters:
         low=0.0, low_open=True, high=1.0,
     )  # fmt: skip
     backlash: tuple[float, float] = _key(
-        (0.0, 0.0), 'float2', 'rad', 'play of each gear, end to end, at the joint; the inertia '
-        'within it is plant.hub_inertia', low=0.0, high=1.0,
+        (0.0, 0.0), 'float2', 'rad', 'play of each gear, end to end, at the joint', low=0.0,
+        high=1.0,
+    )  # fmt: skip
+    rotor_share: tuple[float, float] = _key(
+        (0.9, 0.9), 'float2', '', 'fraction of plant.hub_inertia on the motor side of a gear with '
+        'backlash; the rest turns with the joint', low=0.01, high=0.99,
     )  # fmt: skip
     resolution: tuple[float, float] = _key(
         (0.0, 0.0), 'float2', 'N m', 'step of the commanded torque of each drive; 0: none',
         low=0.0, high=1e9,
     )  # fmt: skip
+
+    def rotors(self, hub_inertia: tuple[float, float]) -> tuple[float, float]:
+        """Return the inertias, kg m^2, that backlash parts from their joints; 0 without any."""
+        first, second = (
+            hub * share if gap > 0.0 else 0.0
+            for hub, share, gap in zip(hub_inertia, self.rotor_share, self.backlash, strict=True)
+        )
+        return first, second
 
     @property
     def torque_per_ampere(self) -> tuple[float, float]:

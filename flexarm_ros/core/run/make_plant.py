@@ -29,12 +29,19 @@ import numpy as np
 
 def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
-    config = _lightest(config)
-    if config.plant.model == 'full':
+    drive, load, plant = (config.section(s) for s in ('actuator', 'disturbance', 'plant'))
+    parted = (0.0, 0.0) if drive is None else drive.rotors(plant.hub_inertia)
+    if load is not None and load.payload_masses:
+        lightest = min(plant.payload_mass, *load.payload_masses)
+        config = replace(config, plant=replace(plant, payload_mass=lightest))
+    if plant.model == 'full':
         from flexarm_ros.core.arm.full import plant as plant_full
 
-        return float(plant_full.highest_frequency(config))
-    return Eq14Matrices(config.plant).highest_rate()
+        return float(plant_full.highest_frequency(config, parted))
+    matrices = Eq14Matrices(config.plant)
+    matrices.mass[0, 0, 0] -= parted[0]
+    matrices.mass[0, 1, 1] -= parted[1]
+    return matrices.highest_rate()
 
 
 def choose_integrator(config: RunConfig) -> tuple[int, int]:
@@ -68,18 +75,6 @@ def is_driven(config: RunConfig) -> bool:
     # Viscous friction alone is among the damping of eq14.
     friction = any(coulomb) or (plant.model == 'full' and any(plant.viscous_friction))
     return friction or any(config.section(name) for name in ('actuator', 'disturbance'))
-
-
-def _lightest(config: RunConfig) -> RunConfig:
-    """Return ``config`` with the plant at its fastest: drives in their gaps, least payload."""
-    plant, drive = config.plant, config.section('actuator')
-    load = config.section('disturbance')
-    if drive is not None and any(drive.backlash):
-        (hub1, hub2), (gap1, gap2) = plant.hub_inertia, drive.backlash
-        plant = replace(plant, hub_inertia=(0.0 if gap1 else hub1, 0.0 if gap2 else hub2))
-    if load is not None and load.payload_masses:
-        plant = replace(plant, payload_mass=min(plant.payload_mass, *load.payload_masses))
-    return config if plant is config.plant else replace(config, plant=plant)
 
 
 def make_plant(config: RunConfig) -> Plant:

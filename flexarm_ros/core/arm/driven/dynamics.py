@@ -32,7 +32,7 @@ all conditions together; there is exactly one such motion, since friction with g
 derives from a convex potential and M is positive definite (Moreau; Glocker, Set-Valued Force
 Laws, 2001).
 
-*Backlash.*  The drive, with the joint's hub inertia, is free within a gap; at its ends it pushes
+*Backlash.*  The drive, with its share of the hub inertia, is free within a gap; at its ends it pushes
 the joint (one-sided contact) until the contact torque would pull.  Closing the gap is a plastic
 impact, which conserves momentum and loses energy.
 
@@ -66,6 +66,7 @@ MOST_EVENTS = 100
 _SEARCHES = 100
 _TIME_TOLERANCE = 2.0**-42  # of a step
 _FORCE_TOLERANCE = 1e-9  # of the torques at a joint
+_GAP_TOLERANCE = 1e-9  # of half the gap
 
 
 class Rig(NamedTuple):
@@ -87,7 +88,11 @@ class Rig(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays for n coordinates and two drives; see `make_scratch`."""
+    """
+    Arrays for n coordinates and two drives; see `make_scratch`.
+
+    ``modes`` (5,): friction, then contact, of both joints; the number of events in the last tick.
+    """
 
     mass: FloatArray
     rows: FloatArray
@@ -101,10 +106,10 @@ class Scratch(NamedTuple):
 
 
 def make_scratch(n: int) -> Scratch:
-    """Return scratch arrays; ``modes`` is friction, then contact, of both joints."""
+    """Return scratch arrays."""
     return Scratch(
         np.zeros((n, n)), np.zeros((2, n)), np.zeros((2, n)), np.zeros((12, n + 2)), np.zeros(2),
-        np.zeros(4), np.zeros(2), np.zeros(4, np.int64), np.zeros(4, np.int64),
+        np.zeros(4), np.zeros(2), np.zeros(5, np.int64), np.zeros(4, np.int64),
     )  # fmt: skip
 
 
@@ -221,8 +226,10 @@ def _margin(
         elif modes[j] != SMOOTH:
             least = min(least, modes[j] * vel[j])
         if modes[2 + j] == FREE:
-            play = pos[n + j] - pos[j]
-            least = min(least, rig.gap[j] - play, rig.gap[j] + play)
+            # Written as in `_side`: at an end of the gap a rounding error must be no event.
+            slack = _GAP_TOLERANCE * rig.gap[j]
+            least = min(least, pos[j] + rig.gap[j] - pos[n + j] + slack)
+            least = min(least, pos[n + j] - (pos[j] - rig.gap[j]) + slack)
         elif modes[2 + j] != BOUND:
             slack = _FORCE_TOLERANCE * abs(torque[j])
             least = min(least, modes[2 + j] * s.reaction[2 + j] + slack)
@@ -467,6 +474,7 @@ def step_driven(
     """
     size = pos.shape[0]
     acc = s.stages[6]
+    s.modes[4] = 0
     drive_torque(rig, start, target, 0.0, s.torque)
     settle(model, rig, pos, vel, s.torque, acc, s)
     for k in range(substeps):
@@ -482,6 +490,7 @@ def step_driven(
                 pos[i], vel[i], acc[i] = s.stages[0, i], s.stages[1, i], s.stages[2, i]
             if margin >= 0.0:
                 break
+            s.modes[4] += 1
             _onto_event(rig, pos, vel, s)
             settle(model, rig, pos, vel, s.torque, acc, s)
             if left <= 0.0:

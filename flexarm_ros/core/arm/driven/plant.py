@@ -31,8 +31,6 @@ from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 import numpy as np
 
-Pair = tuple[float, float]
-
 FULL_PHASE = 0.33
 """As ``ACCURATE_PHASE``, for the full model, whose fastest coordinates hardly move."""
 
@@ -43,7 +41,7 @@ class DrivenPlant:
 
     ``highest``: its highest rate, 1/s.  ``drives`` ``(2, 2)``: angles and rates of the drives,
     rad, rad/s, seen at the joints; a view.  Those of joints without backlash turn with them, the
-    others are the joints' hub inertias.  Raises ``ValueError`` if ``plant.substeps`` is too
+    others are the rotors of `ActuatorParameters.rotors`.  Raises ``ValueError`` if ``plant.substeps`` is too
     small.
     """
 
@@ -67,7 +65,7 @@ class DrivenPlant:
         self._first_mass = plant.payload_mass
         self._period_ns = Timeline.of(config.run).period_ns
         self._terms = self._loads[plant.payload_mass]
-        self._rig = _rig(plant, actuator.bandwidth, actuator.backlash)
+        self._rig = _rig(plant, actuator)
         self._scratch = make_scratch(size)
         self._torque, self._target = np.zeros(2), np.zeros(2)
         self._bends = _bends(plant)
@@ -88,6 +86,11 @@ class DrivenPlant:
             self._terms, self._rig, self._pos, self._vel, self._torque, self._target, self._step,
             self.substeps, self._scratch,
         )  # fmt: skip
+
+    @property
+    def events(self) -> int:
+        """Return the number of events in the last tick."""
+        return int(self._scratch.modes[4])
 
     def disturb(self, k: int, fx: float, fy: float) -> None:
         """
@@ -133,15 +136,14 @@ def payload_at(rows: Sequence[tuple[float, float]], time: float, mass: float) ->
     return next((m for t, m in reversed(rows) if t <= time), mass)
 
 
-def _rig(plant: PlantParameters, bandwidth: Pair, backlash: Pair) -> Rig:
+def _rig(plant: PlantParameters, drive: ActuatorParameters) -> Rig:
     negative = plant.coulomb_friction_negative or plant.coulomb_friction
     tip = make_point(plant, plant.spans[0] + plant.spans[1], elastic=True)
-    gap = 0.5 * np.array(backlash, dtype=float)
     return Rig(
         np.array([plant.coulomb_friction, negative], dtype=float).T.copy(),
-        np.where(gap > 0.0, np.array(plant.hub_inertia, dtype=float), 0.0),
-        gap,
-        2.0 * math.pi * np.array(bandwidth, dtype=float),
+        np.array(drive.rotors(plant.hub_inertia)),
+        0.5 * np.array(drive.backlash, dtype=float),
+        2.0 * math.pi * np.array(drive.bandwidth, dtype=float),
         tip.shapes,
         tip.shortening,
     )

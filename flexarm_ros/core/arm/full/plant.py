@@ -160,14 +160,21 @@ def elastic_diagonals(plant: PlantParameters) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def highest_frequency(config: RunConfig) -> float:
-    """Return the largest natural rate |s| of the straight-linked arm, 1/s, over elbow angles."""
+def highest_frequency(config: RunConfig, parted: tuple[float, float] = (0.0, 0.0)) -> float:
+    """
+    Return the largest natural rate |s| of the straight-linked arm, 1/s, over elbow angles.
+
+    ``parted``: inertia, kg m^2, of each joint's rotor that is free within its gap.
+    """
     stiffness, damping = elastic_diagonals(config.plant)
     q = np.zeros(len(stiffness))
     highest = 0.0
     for pose in range(_ANGLES):
         q[1] = math.pi * pose / (_ANGLES - 1)
-        highest = max(highest, largest_rate(mass_matrix(config.plant, q), damping, stiffness))
+        mass = mass_matrix(config.plant, q)
+        mass[0, 0] -= parted[0]
+        mass[1, 1] -= parted[1]
+        highest = max(highest, largest_rate(mass, damping, stiffness))
     return highest
 
 
