@@ -32,9 +32,9 @@ all conditions together; there is exactly one such motion, since friction with g
 derives from a convex potential and M is positive definite (Moreau; Glocker, Set-Valued Force
 Laws, 2001).
 
-*Backlash.*  The drive, with its share of the hub inertia, is free within a gap; at its ends it pushes
-the joint (one-sided contact) until the contact torque would pull.  Closing the gap is a plastic
-impact, which conserves momentum and loses energy.
+*Backlash.*  The drive, with its share of the hub inertia, is free within a gap; at its ends it
+pushes the joint (one-sided contact) until the contact torque would pull.  Closing the gap is a
+plastic impact, which conserves momentum and loses energy.
 
 *Bandwidth.*  The drive's torque follows its set point as a first-order lag, exactly.
 """

@@ -41,8 +41,8 @@ class DrivenPlant:
 
     ``highest``: its highest rate, 1/s.  ``drives`` ``(2, 2)``: angles and rates of the drives,
     rad, rad/s, seen at the joints; a view.  Those of joints without backlash turn with them, the
-    others are the rotors of `ActuatorParameters.rotors`.  Raises ``ValueError`` if ``plant.substeps`` is too
-    small.
+    others are the rotors of `ActuatorParameters.rotors`.  Raises ``ValueError`` if
+    ``plant.substeps`` is too small.
     """
 
     def __init__(self, config: RunConfig, highest: float) -> None:
