@@ -41,7 +41,7 @@ GAINS = (0.9, 1.1)
 
 
 def fly(setting: Any, mirror: float) -> np.ndarray:
-    """Return rows of theta1, theta2, deflections / lengths, torques; PD control of the joints."""
+    """Return rows of theta1, theta2, deflections / lengths, torques, moved by a joint PD law."""
     plant, lengths = make_plant(setting.config), setting.config.plant.length
     rows = []
     for k in range(round(DURATION / PERIOD)):

@@ -125,9 +125,8 @@ def _drive(
     start: FloatArray, gain: FloatArray, outputs: FloatArray, states: FloatArray,
 ) -> None:  # fmt: skip
     driven(
-        model.constants, model.shapes, model.gauges, model.lowpass, angles, model.period,
+        model.terms, model.shapes, model.gauges, model.lowpass, angles, model.period,
         model.substeps, data.on, first, last, start, gain, data.measured, outputs, states,
-        model.work,
     )  # fmt: skip
 
 

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.driven.dynamics import make_scratch, Rig, Scratch
-from flexarm_ros.core.arm.driven.terms import make_terms
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.control.state_feedback import StateFeedback, StateFeedbackParameters
 from flexarm_ros.core.numerics.compiled import FloatArray
@@ -42,7 +41,6 @@ RATE_TIME = 0.03
 class Flight:
     """What the compiled motion of an arm with its joints takes."""
 
-    terms: object
     rig: Rig
     scratch: Scratch
     model: ArmModel
@@ -57,7 +55,7 @@ def make_flight(setting: Setting, model: ArmModel) -> Flight:
     """Return the compiled arm of a scenario."""
     plant = setting.config.plant
     scratch = make_scratch(2 + 2 * plant.modes)
-    return Flight(make_terms(plant, plant.payload_mass), _rig(plant), scratch, model)
+    return Flight(_rig(plant), scratch, model)
 
 
 def _rig(plant: PlantParameters) -> Rig:
@@ -184,7 +182,7 @@ def fly(
     """Fill rows of ``outputs`` from a start state; see `flexarm_ros.identification.flight`."""
     model = flight.model
     flown(
-        flight.terms, flight.rig, flight.scratch, model.shapes, model.gauges, model.lowpass,
+        model.terms, flight.rig, flight.scratch, model.shapes, model.gauges, model.lowpass,
         torques, model.period, model.substeps, data.on, first, last, start, outputs, loop.law,
         loop.rates, loop.references,
     )  # fmt: skip

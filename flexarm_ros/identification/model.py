@@ -20,14 +20,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 import math
 
-from flexarm_ros.core.arm.full.dynamics import make_work
-from flexarm_ros.core.arm.full.model import (
-    link_bases,
-    make_constants_on,
-)
+from flexarm_ros.core.arm.driven.terms import FullTerms, make_terms
+from flexarm_ros.core.arm.full.model import link_bases
 from flexarm_ros.core.arm.full.plant import ACCURATE_PHASE, mass_matrix
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import PlantParameters
 from flexarm_ros.identification.motion import BIAS, FILTERED, SLOPE
 from flexarm_ros.identification.setting import GaugeParameters, Setting
@@ -58,7 +54,7 @@ class ArmModel:
     """
 
     plant: PlantParameters
-    constants: Records
+    terms: FullTerms
     shapes: FloatArray
     gauges: FloatArray
     lowpass: FloatArray
@@ -66,7 +62,6 @@ class ArmModel:
     damping: tuple[float, float]
     period: float
     substeps: int
-    work: Records
 
     @property
     def coordinates(self) -> int:
@@ -100,14 +95,15 @@ def make_model(setting: Setting, period: float, kinds: tuple[str, str]) -> ArmMo
     """
     plant, gauge = setting.config.plant, setting.gauge
     bases = link_bases(plant)
-    constants = make_constants_on(plant, bases)
+    terms = make_terms(plant, plant.payload_mass)
+    assert isinstance(terms, FullTerms)
     shapes = np.zeros((2, plant.modes))
     gauges = np.zeros((2, 3))
     lowpass = np.zeros((2, 2, 4))
     cutoff = [0.0, 0.0]
     for link in (0, 1):
         if kinds[link] == 'end':
-            shapes[link] = constants[0].links[link].flexible_end
+            shapes[link] = bases[link].shape(1.0)[:, 0]
             continue
         shapes[link] = gauge.gain[link] * _gauge_shape(plant, gauge, link, kinds[link])
         gauges[link, BIAS] = gauge.offset[link]
@@ -117,8 +113,8 @@ def make_model(setting: Setting, period: float, kinds: tuple[str, str]) -> ArmMo
             gauges[link, FILTERED] = 1.0
             lowpass[link] = lowpass_step(cutoff[link], gauge.filter_damping[link], period)
     return ArmModel(
-        plant, constants, shapes, gauges, lowpass, (cutoff[0], cutoff[1]), gauge.filter_damping,
-        period, _substeps(plant, constants, period), make_work(plant.modes),
+        plant, terms, shapes, gauges, lowpass, (cutoff[0], cutoff[1]), gauge.filter_damping,
+        period, _substeps(plant, terms, period),
     )  # fmt: skip
 
 
@@ -164,9 +160,9 @@ def _elastic(plant: PlantParameters, elbow: float) -> FloatArray:
     return mass_matrix(plant, q)[2:, 2:]
 
 
-def _substeps(plant: PlantParameters, constants: Records, period: float) -> int:
+def _substeps(plant: PlantParameters, terms: FullTerms, period: float) -> int:
     """Return the integration steps a sample, from the highest frequency with held joints."""
-    stiffness = np.diag(constants[0].links['stiffness'].ravel())
+    stiffness = np.diag(terms.diagonals[0, 2:])
     highest = 0.0
     for elbow in (0.0, 0.5 * math.pi, math.pi):
         squares = eigh(stiffness, _elastic(plant, elbow), eigvals_only=True)
@@ -191,11 +187,11 @@ def observer_gain(
     """
     size, total = model.coordinates, model.size
     inverse = np.linalg.inv(_elastic(model.plant, elbow))
-    links = model.constants[0].links
+    stiffness, damping = model.terms.diagonals[:, 2:]
     system = np.zeros((total, total))
     system[:size, size : 2 * size] = np.eye(size)
-    system[size : 2 * size, :size] = -inverse * links['stiffness'].ravel()
-    system[size : 2 * size, size : 2 * size] = -inverse * links['damping'].ravel()
+    system[size : 2 * size, :size] = -inverse * stiffness
+    system[size : 2 * size, size : 2 * size] = -inverse * damping
     output = np.zeros((2, total))
     force = np.zeros((total, 2))
     for link in (0, 1):
@@ -214,7 +210,7 @@ def observer_gain(
             system[row, row] = system[row + 1, row + 1] = -1.0 / model.period
             output[link, part] = signal
         # A moment that bends the link by one unit of its gauge.
-        scale = float(signal @ (signal / links[link].stiffness)) or 1.0
+        scale = float(signal @ (signal / stiffness[part])) or 1.0
         force[size : 2 * size, link] = inverse[:, part] @ (signal / scale)
     step = expm(system * model.period)
     push = MODEL_ERROR * np.array(levels)

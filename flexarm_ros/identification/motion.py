@@ -28,9 +28,8 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.arm.full.dynamics import mass_and_bias
+from flexarm_ros.core.arm.driven.terms import FullTerms, terms
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
-from flexarm_ros.core.numerics.records import Records
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,7 +41,7 @@ BIAS, SLOPE, FILTERED = range(3)
 
 @compiled
 def advance(
-    con: Records,
+    model: FullTerms,
     q: FloatArray,
     qd: FloatArray,
     change: FloatArray,
@@ -52,7 +51,6 @@ def advance(
     force: FloatArray,
     factor: FloatArray,
     stage: FloatArray,
-    work: Records,
 ) -> None:
     """
     Advance ``q``, ``qd`` (2 + 2N,) by ``substeps`` steps of h s with constant joint rates.
@@ -61,16 +59,14 @@ def advance(
     Each step takes mass matrix and centrifugal terms at its middle, and integrates the then linear
     motion by the classical Runge-Kutta method.
     """
-    size = 2 * len(con[0].links[0].mean)
+    size = model.diagonals.shape[1] - 2
     x, rest = stage[2], stage[4]
     for number in range(substeps):
         for i in range(2 + size):
             x[i] = q[i] + 0.5 * h * qd[i]
-        mass_and_bias(con, x, qd, work)
-        for i in range(2 + size):
-            force[i] = work[0].force[i]
-            for j in range(i + 1):
-                mass[i, j] = work[0].mass[j, i]
+        terms(model, x, qd, mass, force)
+        for i in range(2, 2 + size):  # what is not linear in the elastic coordinates
+            force[i] += model.diagonals[0, i] * x[i] + model.diagonals[1, i] * qd[i]
         _factorise(mass, factor)
         if number == 0:
             for i in range(size):
@@ -78,14 +74,14 @@ def advance(
             _substitute(factor, rest)
             for i in range(size):
                 qd[2 + i] += rest[i]
-        _runge_kutta(con, q, qd, h, force, factor, stage)
+        _runge_kutta(model.diagonals, q, qd, h, force, factor, stage)
         for i in range(2):
             q[i] += h * qd[i]
 
 
 @compiled
 def _runge_kutta(
-    con: Records,
+    diagonals: FloatArray,
     q: FloatArray,
     qd: FloatArray,
     h: float,
@@ -94,20 +90,15 @@ def _runge_kutta(
     stage: FloatArray,
 ) -> None:
     """Advance the elastic coordinates by one step with constant mass matrix and ``force``."""
-    n = len(con[0].links[0].mean)
-    size = 2 * n
+    size = factor.shape[0]
     start, rate, x, v, rest = stage[0], stage[1], stage[2], stage[3], stage[4]
     for i in range(size):
         start[i] = x[i] = q[2 + i]
         rate[i] = v[i] = qd[2 + i]
     for k in range(4):
         for i in range(size):
-            link, j = i // n, i % n
-            rest[i] = (
-                -force[2 + i]
-                - con[0].links[link].stiffness[j] * x[i]
-                - con[0].links[link].damping[j] * v[i]
-            )
+            elastic = diagonals[0, 2 + i] * x[i] + diagonals[1, 2 + i] * v[i]
+            rest[i] = force[2 + i] - elastic
         _substitute(factor, rest)
         weight = h / 6.0 if k == 0 or k == 3 else h / 3.0
         ahead = h if k == 2 else 0.5 * h
@@ -159,7 +150,7 @@ def gauge_input(
 
 @compiled
 def driven(
-    con: Records,
+    model: FullTerms,
     shapes: FloatArray,
     gauges: FloatArray,
     lowpass: FloatArray,
@@ -174,7 +165,6 @@ def driven(
     measured: FloatArray,
     outputs: FloatArray,
     states: FloatArray,
-    work: Records,
 ) -> None:
     """
     Predict samples ``first`` to ``last`` (excluded) from the state ``start``, (4N + 4,).
@@ -185,7 +175,7 @@ def driven(
     before any correction; ``states`` (n, 4N + 4) the states, or nothing if it has no rows.
     ``correction`` (4N + 4, 2): gain on ``measured`` - ``outputs``; no columns: none.
     """
-    size = 2 * len(con[0].links[0].mean)
+    size = model.diagonals.shape[1] - 2
     q, qd = np.zeros(2 + size), np.zeros(2 + size)
     mass, force = np.zeros((2 + size, 2 + size)), np.zeros(2 + size)
     factor, stage = np.zeros((size, size)), np.zeros((5, 2 + size))
@@ -208,7 +198,7 @@ def driven(
             change[i] = qd[i] - held
         for i in range(size):
             q[2 + i], qd[2 + i] = state[i], state[size + i]
-        advance(con, q, qd, change, h, substeps, mass, force, factor, stage, work)
+        advance(model, q, qd, change, h, substeps, mass, force, factor, stage)
         for i in range(size):
             state[i], state[size + i] = q[2 + i], qd[2 + i]
         pass_low(shapes, gauges, lowpass, angles[k + 1], state, before, on, k)
