@@ -16,11 +16,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import csv
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +34,6 @@ from flexarm_ros.identification.statistics import estimate
 from flexarm_ros.scenario import ScenarioError
 import numpy as np
 import pytest
-from repository import ROOT
 from scipy.signal import bilinear, lfilter
 
 GAIN, OFFSET, SLOPE = (0.57, 0.88), (0.001, -0.002), (-0.004, 0.0)
@@ -384,15 +382,6 @@ def test_bad_requests_end_with_one_line(
     errors = capsys.readouterr().err.splitlines()
     assert len(errors) == 1
     assert told in errors[0]
-
-
-@pytest.fixture
-def real() -> Iterator[Path]:
-    """Return the directory of a real arm's recordings, which are not in the repository."""
-    place = Path(os.environ.get('FLEXARM_REAL_DATA', ROOT.parent / 'shared' / 'real'))
-    if not (place / 'quanser_2dsfl' / 'psf.csv').is_file():
-        pytest.skip('no recordings of the real arm: set FLEXARM_REAL_DATA to their directory')
-    yield place / 'quanser_2dsfl'
 
 
 def test_a_real_arm_is_predicted(real: Path, tmp_path: Path) -> None:
