@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module
 import sys
-from typing import Any, cast, TypeVar
+from typing import Any, cast, Literal, TypeVar
 
 from flexarm_ros import code_cache
 import numba
@@ -105,7 +105,7 @@ def inlined(function: F) -> F:
     return _compiled(function, 'always')
 
 
-def _compiled(function: F, inline: str) -> F:
+def _compiled(function: F, inline: Literal['never', 'always']) -> F:
     result: Any = numba.njit(error_model='numpy', inline=inline)(function)
     where = None if _config.DISABLE_JIT else code_cache.directory()
     if where is not None:
