@@ -43,7 +43,7 @@ FENCE = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 RUN = {'sh', 'python'}
-SHOWN = {'', 'text', 'yaml', 'json', 'xml', 'mermaid', 'math', 'cpp', 'csv'}
+SHOWN = {'', 'text', 'yaml', 'json', 'toml', 'xml', 'math', 'cpp', 'csv', 'bibtex'}
 COMMAND = re.compile(r'^(?: {4}|\t)(flexarm|make|ros2|python3?|pip|mcap|colcon) ', re.MULTILINE)
 LINK = re.compile(r'\]\((?!https?:|mailto:|#)([^)#\s]+)(?:#[^)\s]*)?\)')
 NOTEBOOK = "an extra is missing; pip install 'flexarm_ros[notebook]'"

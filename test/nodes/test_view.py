@@ -43,7 +43,7 @@ from repository import ROOT
 def viewer(ros_domain: int) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """Start `flexarm view` and yield its process and the address it serves."""
     process = subprocess.Popen(
-        [sys.executable, '-m', 'flexarm_ros.cli', 'view', '--port', '0'],
+        [sys.executable, '-m', 'flexarm_ros.cli', 'view', '--port', '0', '--foxglove-port', '0'],
         stdout=subprocess.PIPE, text=True, cwd=ROOT,
     )  # fmt: skip
     try:
@@ -160,7 +160,7 @@ def test_a_run_does_not_wait_for_a_viewer_that_stands_still(
 def test_a_taken_port_is_named(ros_domain: int, viewer) -> None:
     pytest.importorskip('foxglove', reason='foxglove-sdk is an optional extra')
     port = viewer[1].rpartition(':')[2]
-    done = flexarm('view', '--port', port)
+    done = flexarm('view', '--port', '0', '--foxglove-port', port)
     assert done.returncode == 2
     assert f'port {port}' in done.stderr
     assert 'Traceback' not in done.stderr

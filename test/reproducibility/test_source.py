@@ -30,11 +30,12 @@ import pytest
 
 FEATURES = {name for name, there in binding.get_host_cpu_features().items() if there}
 PACKAGE = Path(flexarm_ros.__file__).parent
-# Analyses of a run's parts; no run takes a number from them.
-APART = {'fls_definition'}
+# Analyses; no run takes a number from them. The timing of a run in real time is no number of it.
+APART = {'fls_definition', 'real_time'}
 # Exact by IEEE 754 or by definition; all else of the module `math` is the C library's.
 EXACT = {
     *('sqrt', 'floor', 'ceil', 'isfinite', 'isinf', 'isnan', 'copysign', 'frexp', 'ldexp', 'fsum'),
+    'remainder',
     *('pi', 'inf', 'nan'),
 }
 # Of NumPy: making, shaping and choosing arrays, and operations on each entry that are exact.

@@ -132,7 +132,9 @@ class PageServer:
         port = self._server.server_address[1]
         query = f'/?token={self.token}' if self.token else ''
         self.address = f'http://{host}:{port}{query}'
-        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, args=(0.05,), daemon=True
+        )
         self._thread.start()
 
     def close(self) -> None:
@@ -243,6 +245,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.close_connection = True
         self.connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._head(HTTPStatus.OK, 'text/event-stream', {'Connection': 'close'})
+        self.wfile.write(b'retry: 500\n\n')
         seen = 0
         while not self.page.feed.closed:
             seen, events = self.page.feed.after(seen)

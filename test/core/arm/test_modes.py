@@ -94,11 +94,12 @@ def test_first_four_against_the_table(joints: str) -> None:
         {'link_end_mass': 2.0, 'link_end_inertia': 0.5, 'payload_mass': 1.0},
         {'length': (3.0, 6.0), 'mass_density': (1.0, 0.2), 'flexural_rigidity': (5000.0, 800.0)},
         {'hub_inertia': (1.0, 8.0)},
-        {'hub_radius': (0.6, 0.3), 'end_offset': (0.4, 0.7), 'link_end_mass': 1.0},
+        # With rigid parts four functions reach 0.6 %, five 0.05 %.
+        {'modes': 5, 'hub_radius': (0.6, 0.3), 'end_offset': (0.4, 0.7), 'link_end_mass': 1.0},
     ],
 )
 def test_other_arms_are_as_accurate(keys) -> None:
-    plant = full_plant(modes=4, **keys)
+    plant = full_plant(**{'modes': 4, **keys})
     chain = Chain(
         plant.length, plant.mass_density, plant.flexural_rigidity, plant.hub_inertia,
         (plant.link_end_mass, plant.payload_mass), (plant.link_end_inertia, plant.payload_inertia),
