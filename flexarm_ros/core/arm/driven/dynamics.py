@@ -60,13 +60,20 @@ STICK, SMOOTH = 0, 2
 FREE, BOUND = 0, 2
 """Contact modes beside +1 and -1, drive at that end of its gap; BOUND: no backlash."""
 
-MOST_EVENTS = 100
-"""Events per integration step; later ones wait for the next step."""
+MOST_EVENTS = 10
+"""Events that are located per integration step.
+
+A drive may bounce off its joint ever faster, as a ball does that comes to rest; what is left of
+such a sequence is one plastic impact at the end of the step.
+"""
 
 _SEARCHES = 100
 _TIME_TOLERANCE = 2.0**-42  # of a step
 _FORCE_TOLERANCE = 1e-9  # of the torques at a joint
 _GAP_TOLERANCE = 1e-9  # of half the gap
+# Rate, rad/s, below which a drive does not leave its contact by an impact: else two drives whose
+# impacts loosen one another would take turns in the gap's tolerance, without end.
+_RESTING = 1e-5
 
 
 class Rig(NamedTuple):
@@ -299,22 +306,23 @@ def _impacts(model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, s: Scratch)
     Let drives that run into the end of their gap take their joints along.
 
     ``s.tried[2:]``: 1 for a drive that moves with its joint afterwards.  A drive that was already
-    in contact stays so if the impulse presses it, and is left behind otherwise.
+    in contact stays so if the impulse presses it, and is left behind otherwise; one that is nearly
+    as fast as its joint counts as in contact.
     """
     n = pos.shape[0] - 2
     hit = False
     for j in range(2):
         side = _side(rig, pos, j) if rig.hub[j] > 0.0 else 0
         closing = side * (vel[n + j] - vel[j])
-        s.tried[2 + j] = 1 if side != 0 and closing >= 0.0 else 0
-        hit = hit or closing > 0.0
+        s.tried[2 + j] = 1 if side != 0 and closing > -_RESTING else 0
+        hit = hit or (s.tried[2 + j] == 1 and closing != 0.0)
     if not hit:
         return
     joined = s.stages[5, :n]
     _join(model, rig, pos, vel, joined, s)
     for j in range(2):
-        resting = s.tried[2 + j] == 1 and vel[n + j] == vel[j]
-        if resting and _side(rig, pos, j) * (vel[n + j] - joined[j]) < 0.0:
+        resting = s.tried[2 + j] == 1 and abs(vel[n + j] - vel[j]) <= _RESTING
+        if resting and _side(rig, pos, j) * (vel[n + j] - joined[j]) < -_RESTING:
             s.tried[2 + j] = 0
             _join(model, rig, pos, vel, joined, s)
     for i in range(n):
