@@ -182,7 +182,7 @@ build() {
 }
 
 # Compile the package's byte code, 0.1 s where it is up to date. Where PYTHONDONTWRITEBYTECODE is
-# set, no run keeps it, and each of its processes takes up to 1 s longer to start.
+# set, no run keeps it, and each of its processes compiles what it imports.
 byte_code() { $venv/bin/python -m compileall -q flexarm_ros >/dev/null 2>&1 || true; }
 
 if [ "${1:-}" = --check ]; then
