@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import csv
 import json
 import math
@@ -46,9 +46,11 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def flight(arm: Path, seconds: float = 4.0) -> dict[str, np.ndarray]:
+def flight(
+    arm: Path, seconds: float = 4.0, overrides: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
     """Fly the plant itself with a joint PD law; return what ideal sensors read."""
-    plant = FullPlant(load_setting(arm).config)
+    plant = FullPlant(load_setting(arm, overrides).config)
     rows = []
     for k in range(round(seconds / PERIOD)):
         t = k * PERIOD
@@ -395,3 +397,34 @@ def test_a_real_arm_is_predicted(real: Path, tmp_path: Path) -> None:
         numbers = predict(recording, found.setting, window=window, zero=1.0).numbers
         assert numbers['strain1']['fit'] > least
         assert numbers['strain2']['fit'] > least
+
+
+def test_the_std_is_that_of_the_estimates(
+    arm: Path, ideal: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    """Noise of a tenth of the signals: most estimates within two std, and within 1 % or so."""
+    true, inside, errors = load_setting(arm), [], []
+    for seed in range(8):
+        data = written(tmp_path / f'{seed}.csv', gauged(ideal, 4e-3, seed))
+        for key, row in fitted(data, arm, window=None).parameters.items():
+            error = row['value'] - true.number(key)
+            inside.append(abs(error) < 2.0 * row['std'])
+            errors.append(abs(error / true.number(key)))
+    assert np.mean(inside) >= 0.85
+    assert max(errors) < 0.015
+
+
+def test_a_missing_mode_is_seen_in_the_residuals(arm: Path) -> None:
+    """An arm of three modes a link and a model of one: fits are far from the noise."""
+    more = ['plant.modes=3', 'plant.basis=arm_modes']
+    plant_rows = flight(arm, 3.0, more)
+    channels = {name: plant_rows[name] for name in ('theta1', 'theta2')}
+    channels.update({f'strain{i}': plant_rows[f'angle{i}'] for i in (1, 2)})
+    recording = Recording('x', PERIOD, channels, dict.fromkeys(('strain1', 'strain2'), 'angle'))
+    plain = [
+        'strain_gauge.gain=[1.0, 1.0]', 'strain_gauge.offset=[0.0, 0.0]',
+        'strain_gauge.offset_slope=[0.0, 0.0]', 'strain_gauge.filter_cutoff=[0.0, 0.0]',
+    ]  # fmt: skip
+    few = predict(recording, load_setting(arm, plain)).numbers
+    right = predict(recording, load_setting(arm, [*plain, *more])).numbers
+    assert right['strain2']['fit'] > 95.0 > 85.0 > few['strain2']['fit']
