@@ -117,7 +117,7 @@ def one_tick(loop: ClosedLoop, states: np.ndarray) -> np.ndarray:
     The last row is the state of this tick, those before it are what the
     sensors saw.
     """
-    loop._torque = None
+    loop.torque = None
     n = len(loop.plant.q)
     for k, state in enumerate(states[:-1]):
         for role in ('encoder', 'tip_sensor'):
@@ -263,7 +263,7 @@ def follows(config: RunConfig) -> None:
     start = 20 * linear.ticks_per_sample
     for _ in range(start):
         assert loop.tick() is not None
-    loop._torque = None
+    loop.torque = None
     moved = rest + size * kick
     loop.plant.set_state(moved[:n], moved[n:])
     state[: 2 * n] = kick

@@ -164,7 +164,7 @@ def test_a_kicked_arm_follows_the_matrix(law: str) -> None:
     rest = np.concatenate([[TURN, BEND], np.zeros(10)])
     for _ in range(20):
         assert loop.tick() is not None
-    loop._torque = None
+    loop.torque = None
     loop.plant.set_state((rest + size * kick)[:6], (rest + size * kick)[6:])
     state[:12] = kick
     matrix = linear.matrix()
