@@ -171,6 +171,7 @@ def disturbed(plant: PlantParameters, **keys: object) -> DrivenPlant:
     return DrivenPlant(config, highest_frequency(config))
 
 
+@pytest.mark.slow
 @MODELS
 def test_a_force_at_the_tip_bends_the_links_as_statics_says(model: str) -> None:
     """Both joints stick: a cantilever of two links; the force does the work that bends it."""
