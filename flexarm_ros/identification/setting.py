@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from flexarm_ros.core.parameters.rig import ActuatorParameters
 from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, with_section
 from flexarm_ros.core.parameters.spec import parameter, Spec, specs
 from flexarm_ros.scenario import dump, find
@@ -70,41 +71,8 @@ class GaugeParameters:
     )
 
 
-@dataclass(frozen=True)
-class ActuatorParameters:
-    """Section ``actuator``: the drive of each joint, as far as it turns currents into torques."""
-
-    torque_constant: tuple[float, float] = parameter(
-        (1.0, 1.0), 'float2', 'N m/A', 'torque per current of each motor', low=0.0, low_open=True,
-        high=1e6,
-    )  # fmt: skip
-    gear_ratio: tuple[float, float] = parameter(
-        (1.0, 1.0), 'float2', '', 'motor turns per turn of each joint', low=0.0, low_open=True,
-        high=1e6,
-    )  # fmt: skip
-    efficiency: tuple[float, float] = parameter(
-        (1.0, 1.0), 'float2', '', 'torque at the joint per torque at the motor and gear ratio',
-        low=0.0, low_open=True, high=1.0,
-    )  # fmt: skip
-
-    @property
-    def torque_per_ampere(self) -> tuple[float, float]:
-        """Return the torque at each joint per ampere of its motor, N m/A."""
-        first, second = (
-            constant * ratio * share
-            for constant, ratio, share in zip(
-                self.torque_constant, self.gear_ratio, self.efficiency, strict=True
-            )
-        )
-        return first, second
-
-
 GAUGE, ACTUATOR = 'strain_gauge', 'actuator'
-PENDING: dict[str, type] = {
-    name: held
-    for name, held in ((GAUGE, GaugeParameters), (ACTUATOR, ActuatorParameters))
-    if name not in SECTIONS
-}
+PENDING: dict[str, type] = {GAUGE: GaugeParameters} if GAUGE not in SECTIONS else {}
 """Sections that no part of a run reads yet."""
 
 _NUMBERS = ('float', 'float2')
