@@ -28,8 +28,6 @@ sqrt.
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
-import sys
 from typing import Any, cast, Literal, TypeVar
 
 from flexarm_ros import code_cache
@@ -43,26 +41,7 @@ F = TypeVar('F', bound=Callable[..., Any])
 
 _config: Any = numba.config
 _FunctionCache: Any = caching.FunctionCache
-
-
-def _load_array_functions() -> None:
-    """
-    Load numba's array functions without ``scipy.linalg``.
-
-    They import it to see whether it has BLAS, for the inner products of ``np.convolve`` and
-    ``np.correlate``, and do without otherwise.  It takes 0.2 s of the start of every process.
-    """
-    name = 'scipy.linalg.cython_blas'
-    if name in sys.modules:
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # to import it is an error
-    try:
-        import_module('numba.np.arraymath')
-    finally:
-        del sys.modules[name]
-
-
-_load_array_functions()
+code_cache.load_array_functions()
 
 
 class _Cache(_FunctionCache):  # type: ignore[misc]

@@ -29,7 +29,7 @@ import numpy as np
 
 def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
-    drive, load, plant = (config.section(s) for s in ('actuator', 'disturbance', 'plant'))
+    drive, load, plant = config.section('actuator'), config.section('disturbance'), config.plant
     parted = (0.0, 0.0) if drive is None else drive.rotors(plant.hub_inertia)
     if load is not None and load.payload_masses:
         lightest = min(plant.payload_mass, *load.payload_masses)
