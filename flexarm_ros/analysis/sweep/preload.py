@@ -31,11 +31,13 @@ os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'
 
 from flexarm_ros.analysis.sweep.worker import fly
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.warned import allow_warnings
 
 
 def prepare() -> None:
     """Leave the process group of the command, and load what is compiled."""
     os.setpgid(0, 0)
+    allow_warnings()
     config = RunConfig()
     fly(replace(config, run=replace(config.run, duration=2.0 * config.run.control_period)))
 

@@ -64,9 +64,8 @@ class Noise:
     def pairs(self, count: int) -> FloatArray:
         """Return the numbers of ``count`` calls of `pair`, shape ``(count, 2)``."""
         blocks = [np.array(self._block[::-1]).reshape(-1, 2)]
-        while sum(map(len, blocks)) < count:
+        while len(drawn := np.concatenate(blocks)) < count:
             blocks.append(self._next_block())
-        drawn = np.concatenate(blocks)
         self._block = drawn[count:][::-1].tolist()
         return drawn[:count]
 

@@ -69,7 +69,11 @@ def fly_both(of: RunConfig) -> ClosedLoop:
     return fast
 
 
-KNOWN = [name for name in locate.shipped() if scenario.load(name).controller.law not in PLANNING]
+KNOWN = [
+    name
+    for name in locate.shipped()
+    if (of := scenario.load(name)).controller.law not in PLANNING and not of.further
+]
 
 
 @pytest.mark.parametrize('name', KNOWN)
@@ -197,7 +201,10 @@ def other_values(spec: Spec, default: object) -> list[str]:
 
 
 ALL_KEYS = [(section, key) for section in SECTIONS for key in keys(section)]
-TOGETHER = {'waypoint_times', 'waypoint_x', 'waypoint_y', 'torque_file'}
+TOGETHER = {
+    *('waypoint_times', 'waypoint_x', 'waypoint_y', 'torque_file', 'force_file', 'force_times'),
+    *('force_x', 'force_y', 'payload_file', 'payload_times', 'payload_masses'),
+}
 """Keys that mean nothing alone; `FEATURES` has them."""
 
 
