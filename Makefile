@@ -12,7 +12,7 @@ PYTEST_ARGS ?=
 # Tests that run at once, of those that start no nodes.
 TEST_JOBS ?= 2
 # Of those that start nodes; 0: in pytest's own process, one after the other.
-NODE_JOBS ?= 0
+NODE_JOBS ?= 2
 SOAK_MINUTES ?= 30
 
 help:

@@ -1,14 +1,13 @@
 #!/usr/bin/env bash
-# The tests: those that start no nodes side by side (TEST_JOBS, 2), then the others one at a time, so
-# that the nodes of a run have the machine to themselves, or NODE_JOBS at a time. Arguments go to
-# both. Exit status as pytest's: 5 where neither part had a test.
+# The tests: those that start no nodes (TEST_JOBS at a time, 2), then the others (NODE_JOBS at a time,
+# 2). Arguments go to both. Exit status as pytest's: 5 where neither part had a test.
 #
-# A test of nodes that fails is run once more and passes if it passes then; the last line names it.
+# A test of nodes that fails is run once more, alone, and passes if it passes then; the last line names it.
 # CONTRIBUTING.md says why.
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-failed=0 empty=0 again=yes node_jobs=${NODE_JOBS:-0}
+failed=0 empty=0 again=yes node_jobs=${NODE_JOBS:-2}
 case " $* " in
 *' -x '* | *' --exitfirst '* | *' --maxfail'*) again= ;; # the rest of the tests was not run
 esac
@@ -36,6 +35,7 @@ if ! nodes "$@"; then
     else
         printf '\nonce more, the tests of nodes that failed:\n'
         node_jobs=0
+        node_jobs=0 # alone
         nodes --last-failed "$@" || failed=1
         late=$(comm -23 <(echo "$first") <(names) | tr '\n' ' ')
         [ -z "$late" ] || echo "passed only at the second try: $late"

@@ -55,7 +55,7 @@ def test_the_example_test_passes(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
     assert '1 passed' in done.stdout
-    assert 'flexarm: pd_collocated: flown; see ' in done.stdout
+    assert 'flexarm: pd_collocated: completed; see ' in done.stdout
 
 
 def test_the_page_shows_the_example_that_is_tested() -> None:

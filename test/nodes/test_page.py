@@ -37,12 +37,16 @@ from repository import ROOT
 SIZES = [(1440, False), (390, True)]
 
 
-@pytest.fixture(scope='module')
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def open_browser(profile: Path) -> Browser:
     program = find_chromium()
     if program is None:
         pytest.skip('no Chromium here')
-    browser = Browser(program, tmp_path_factory.mktemp('profile'))
+    return Browser(program, profile)
+
+
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    browser = open_browser(tmp_path_factory.mktemp('profile'))
     yield browser
     browser.close()
 
@@ -240,18 +244,16 @@ def test_a_recorded_run_is_played_with_a_scrubber(browser: Browser, recorded: Pa
 
 
 @pytest.mark.nodes
-def test_a_slider_reaches_the_node_and_is_recorded(
-    browser: Browser, tmp_path: Path, ros_domain: int
-) -> None:
-    run = tmp_path / 'run'
+def test_a_slider_reaches_the_node_and_is_recorded(tmp_path: Path, ros_domain: int) -> None:
+    browser, run = open_browser(tmp_path / 'profile'), tmp_path / 'run'
     process = subprocess.Popen(
         [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', '--view', '--port', '0',
-         '--set', 'duration=600', '--domain', str(ros_domain), '--no-pictures', '--out', run],
-        stdout=subprocess.PIPE, text=True, cwd=ROOT,
+         '--set', 'duration=60', '--domain', str(ros_domain), '--no-pictures', '--out', run],
+        stderr=subprocess.PIPE, text=True, cwd=ROOT,
     )  # fmt: skip
     try:
-        assert process.stdout is not None
-        lines = iter(process.stdout.readline, '')
+        assert process.stderr is not None
+        lines = iter(process.stderr.readline, '')
         address = next(line.split()[1] for line in lines if line.startswith('page: '))
         opened(browser, address)
         browser.until("parseFloat(document.getElementById('time').textContent) > 0.02", 60.0)
@@ -265,6 +267,7 @@ def test_a_slider_reaches_the_node_and_is_recorded(
         browser.js("document.getElementById('play').click()")
         browser.until("document.getElementById('state').textContent === 'paused'", 30.0)
     finally:
+        browser.close()
         process.terminate()
         process.communicate(timeout=60)
     changes = [(c.node, c.key, c.value) for c in BagReader(run).config.changes]

@@ -181,7 +181,7 @@ def test_nodes_by_hand_wait_too(file: Path, tmp_path: Path, ros_domain: int, rcl
     finally:
         texts = finish(nodes)
     assert nodes[0].returncode == 0, texts[0]
-    assert 'to begin: ros2 service call /left/plant/pause std_srvs/srv/SetBool' in texts[0]
+    assert 'to start: ros2 service call /left/plant/pause std_srvs/srv/SetBool' in texts[0]
 
 
 @pytest.mark.nodes

@@ -129,6 +129,7 @@ OWN = {
             8765, 'port of the WebSocket server for Foxglove; 0: a free one; -1: none', low=-1,
             high=65535,
         ),
+        'trail': Own(600, 'frames of the path of the tip that are shown', low=2, high=100000),
     },
 }  # fmt: skip
 """Role -> its parameters."""
