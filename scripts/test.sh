@@ -34,7 +34,6 @@ if ! nodes "$@"; then
         failed=1
     else
         printf '\nonce more, the tests of nodes that failed:\n'
-        node_jobs=0
         node_jobs=0 # alone
         nodes --last-failed "$@" || failed=1
         late=$(comm -23 <(echo "$first") <(names) | tr '\n' ' ')

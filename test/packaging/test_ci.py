@@ -112,7 +112,7 @@ def test_without_nodes():
 """Tests of which one passes at its first try, one at the second and one at the third."""
 
 
-def run_tests(root: Path, *words: str) -> tuple[int, str]:
+def run_tests(root: Path, *words: str, jobs: str = '0') -> tuple[int, str]:
     """Run `scripts/test.sh` on `TRIED` in a tree of its own."""
     (root / 'scripts').mkdir()
     (root / 'venv' / 'bin').mkdir(parents=True)
@@ -122,18 +122,15 @@ def run_tests(root: Path, *words: str) -> tuple[int, str]:
     (root / 'test_tried.py').write_text(TRIED)
     done = subprocess.run(
         [root / 'scripts' / 'test.sh', *words],
-        env={**os.environ, 'VENV': 'venv', 'TEST_JOBS': '0'},
+        env={**os.environ, 'VENV': 'venv', 'TEST_JOBS': '0', 'NODE_JOBS': jobs},
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     return done.returncode, done.stdout
 
 
 @pytest.mark.parametrize('jobs', ['0', '2'])
-def test_a_test_of_nodes_has_a_second_try_which_is_told(
-    tmp_path: Path, jobs: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv('NODE_JOBS', jobs)
-    status, said = run_tests(tmp_path, '-k', 'not 3')
+def test_a_test_of_nodes_has_a_second_try_which_is_told(tmp_path: Path, jobs: str) -> None:
+    status, said = run_tests(tmp_path, '-k', 'not 3', jobs=jobs)
     assert status == 0, said
     last = said.splitlines()[-1]
     assert last == 'passed only at the second try: test_tried.py::test_it[2] '
