@@ -60,7 +60,7 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     with reserved_domain() as domain:
         monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
         yield domain
-    expect_no_leftovers()
+        expect_no_leftovers()  # before another test may have the domain
 
 
 @pytest.fixture

@@ -258,10 +258,10 @@ def test_a_slider_reaches_the_node_and_is_recorded(tmp_path: Path, ros_domain: i
         opened(browser, address)
         browser.until("parseFloat(document.getElementById('time').textContent) > 0.02", 60.0)
         browser.js(
-            "(() => { const s = document.getElementById('tip_sensor.latency'); s.value = '0.002';"
+            "(() => { const s = document.getElementById('tip_sensor.latency'); s.value = '0.0013';"
             "s.dispatchEvent(new Event('change')); })()"
         )
-        moved = "document.getElementById('tip_sensor.latency.number').value === '0.002'"
+        moved = "document.getElementById('tip_sensor.latency.number').value === '0.0013'"
         browser.until(moved, 30.0)
         wait_for(lambda: 'tip_sensor' in notes(browser), 30, 'the change is told')
         browser.js("document.getElementById('play').click()")
@@ -271,13 +271,13 @@ def test_a_slider_reaches_the_node_and_is_recorded(tmp_path: Path, ros_domain: i
         process.terminate()
         process.communicate(timeout=60)
     changes = [(c.node, c.key, c.value) for c in BagReader(run).config.changes]
-    assert changes == [('tip_sensor', 'latency', 0.002)]
+    assert changes == [('tip_sensor', 'latency', 0.0013)]
 
 
 def notes(browser: Browser) -> str:
     """Return the live parameters that the page has been told of as changed."""
     return str(
         browser.js(
-            'view.hello.parameters.filter((p) => p.value === 0.002).map((p) => p.node).join()'
+            'view.hello.parameters.filter((p) => p.value === 0.0013).map((p) => p.node).join()'
         )
     )
