@@ -84,10 +84,18 @@ function drawPlots() {
 }
 
 // --- frames ----------------------------------------------------------------------------------
+// State and measurement are taken one after the other while the run goes on, so that the age of one
+// frame may be off by a tick or two: the median of the last nine frames is shown.
+function medianAge(frame) {
+  if (frame.age === null) return null;
+  const ages = view.frames.slice(-8).map((f) => f.age).filter((age) => age !== null);
+  return 1000 * ages.concat(frame.age).sort((a, b) => a - b)[ages.length >> 1];
+}
+
 function take(frame) {
-  frame.age_ms = frame.age === null ? null : 1000 * frame.age;
   const last = view.frames[view.frames.length - 1];
   if (last && frame.t < last.t) view.frames.length = 0; // the run began anew
+  frame.age_ms = medianAge(frame);
   if (!last || frame.t !== last.t) view.frames.push(frame);
   if (view.frames.length > WINDOW) view.frames.splice(0, view.frames.length - WINDOW);
   view.frame = frame;
