@@ -44,9 +44,9 @@ def open_browser(profile: Path) -> Browser:
     return Browser(program, profile)
 
 
-@pytest.fixture(scope='module')
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    browser = open_browser(tmp_path_factory.mktemp('profile'))
+@pytest.fixture  # no browser of another test may be among what a test of nodes has left running
+def browser(tmp_path: Path) -> Iterator[Browser]:
+    browser = open_browser(tmp_path / 'profile')
     yield browser
     browser.close()
 
