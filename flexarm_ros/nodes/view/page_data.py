@@ -23,12 +23,11 @@ from typing import Any
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.core.parameters.sections import (
     keys,
-    PaceParameters,
     RunConfig,
     SECTIONS,
     values_of,
 )
-from flexarm_ros.core.parameters.spec import Spec, specs
+from flexarm_ros.core.parameters.spec import Spec
 from flexarm_ros.nodes.view.scene import Frame, Point, Scene
 
 FRAMES = 1500
@@ -56,7 +55,7 @@ def described(config: RunConfig, live: bool = True) -> dict[str, Any]:
 
 
 def live_parameters(config: RunConfig) -> Iterable[dict[str, Any]]:
-    """Yield name, value, text and the slider's range of each parameter that may change."""
+    """Yield name, value, text and slider's range of each key of the scenario that may change."""
     for node in SECTIONS:
         values = values_of(config, node)
         for key, (_, spec, _) in keys(node).items():
@@ -64,14 +63,7 @@ def live_parameters(config: RunConfig) -> Iterable[dict[str, Any]]:
                 yield {
                     'node': node, 'key': key, 'value': values[key], 'unit': spec.unit,
                     'doc': spec.doc, 'range': slider_range(spec, values[key]),
-                    'low': spec.low, 'high': spec.high,
                 }  # fmt: skip
-    pace = specs(PaceParameters)['real_time_factor'][1]
-    yield {
-        'node': 'plant', 'key': 'real_time_factor', 'value': config.pace.real_time_factor,
-        'unit': '', 'doc': pace.doc, 'range': [0.0, 4.0], 'low': pace.low,
-        'high': pace.high,
-    }  # fmt: skip
 
 
 def slider_range(spec: Spec, value: float) -> list[float]:

@@ -83,6 +83,7 @@ class ViewerNode(Node):
         self._readers: dict[int, Any] = {}
         self._listen(self._given)
         self._shown_ns = -1
+        self._described: RunConfig | None = None
 
     def _foxglove(self) -> FoxgloveView | None:
         port = int(self.get_parameter('foxglove_port').value)
@@ -130,7 +131,9 @@ class ViewerNode(Node):
             self.scene.change(bytes(taken[0]))
         frame = self.scene.frame()
         if self.page is not None and 'plant' in self._told:
-            self.page.feed.put('hello', described(self.scene.config))
+            if self.scene.config is not self._described:
+                self._described = self.scene.config
+                self.page.feed.put('hello', described(self._described))
             self.page.feed.put('state', self._phase())
         if frame is None or frame.stamp_ns == self._shown_ns:
             return False

@@ -169,7 +169,6 @@ function showParameters() {
       if (document.activeElement !== known && document.activeElement !== byId(id + ".number")) { known.value = String(p.value); byId(id + ".number").value = String(p.value); }
       continue;
     }
-    if (p.node === "plant" && p.key === "real_time_factor") continue; // the menu of speeds
     const others = p.node === "controller" && p.key.includes(".") && !p.key.startsWith(law + ".");
     const box = document.createElement("div");
     box.className = "parameter";
