@@ -19,13 +19,13 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
-import math
 import os
 from pathlib import Path
 import platform
 import time
 from typing import Any
 
+from flexarm_ros.cli.options.numbers import number
 from flexarm_ros.cli.version import package_version
 
 _PRIORITY = 10
@@ -53,10 +53,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not 0.0 < value <= 1e5:
         raise argparse.ArgumentTypeError(f'{text}: a number above 0, at most 1e5')
     return value

@@ -22,6 +22,7 @@ import math
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.cli import UsageError
+from flexarm_ros.cli.options.numbers import number
 
 if TYPE_CHECKING:
     from flexarm_ros.core.parameters.sections import RunConfig
@@ -73,10 +74,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _finite(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not a finite number')
     return value

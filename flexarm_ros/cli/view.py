@@ -26,7 +26,7 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.options import domain, namespace
-from flexarm_ros.cli.options.page import PORT
+from flexarm_ros.cli.options.page import OWN
 
 
 def add_parser(subparsers: Any) -> None:
@@ -50,20 +50,21 @@ def add_parser(subparsers: Any) -> None:
     domain.add_option(parser, '0')
     namespace.add_option(parser, 'namespace of the arm')
     parser.add_argument(
-        '--port', type=int, default=PORT, choices=range(65536), metavar='P',
+        '--port', type=int, default=OWN['port'].default, choices=range(65536), metavar='P',
         help='port of the page (default %(default)s; 0: any free port)',
     )  # fmt: skip
     parser.add_argument(
-        '--foxglove-port', type=int, default=8765, choices=range(65536), metavar='P',
+        '--foxglove-port', type=int, default=OWN['foxglove_port'].default,
+        choices=range(65536), metavar='P',
         help='port of the WebSocket server for Foxglove (default %(default)s; 0: any free port)',
     )  # fmt: skip
     parser.add_argument(
-        '--host', default='127.0.0.1', metavar='ADDRESS',
+        '--host', default=OWN['host'].default, metavar='ADDRESS',
         help='address to listen on (default %(default)s: this machine only); on any other the '
         'page needs the token of the printed address',
     )  # fmt: skip
     parser.add_argument(
-        '--rate', type=float, default=30.0, metavar='HZ',
+        '--rate', type=float, default=OWN['rate'].default, metavar='HZ',
         help='highest frame rate, 1/s (default %(default)g)',
     )  # fmt: skip
     parser.add_argument(

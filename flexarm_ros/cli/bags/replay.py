@@ -25,6 +25,7 @@ from typing import Any
 from flexarm_ros.cli import UsageError
 from flexarm_ros.cli.options import domain, namespace
 from flexarm_ros.cli.options.bags import add_bag_options
+from flexarm_ros.cli.options.numbers import number
 from flexarm_ros.cli.options.output import check_utf8
 from flexarm_ros.scenario.yaml.rclyaml import quoted
 
@@ -135,10 +136,7 @@ def _rate(text: str) -> float:
 
 
 def _number(text: str, least: float = -1e6) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float('nan')
+    value = number(text)
     if not least <= value <= 1e6:
         raise argparse.ArgumentTypeError(f'{text}: a number from {least:g} to 1e6')
     return value

@@ -24,8 +24,10 @@ import subprocess
 import sys
 
 from flexarm_ros.cli import UsageError
+from flexarm_ros.nodes.runtime.parameters import own as nodes
 
-PORT = 8764
+OWN = nodes.OWN['viewer']
+"""Parameters of the viewer, whose defaults are those of the options."""
 _END_S = 10.0
 
 
@@ -36,7 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help='serve a page that shows the run, in real time unless --rtf is given',
     )  # fmt: skip
     parser.add_argument(
-        '--port', type=int, default=PORT, choices=range(65536), metavar='P',
+        '--port', type=int, default=OWN['port'].default, choices=range(65536), metavar='P',
         help='port of the page (default %(default)s; 0: any free port)',
     )  # fmt: skip
 

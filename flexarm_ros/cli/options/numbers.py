@@ -1,0 +1,26 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Numbers on the command line; each option has its own limits and words for them."""
+
+from __future__ import annotations
+
+import math
+
+
+def number(text: str) -> float:
+    """Return the number that ``text`` is, nan if it is none: then it is within no limits."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
