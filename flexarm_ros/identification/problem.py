@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
@@ -145,9 +145,6 @@ class Problem:
     def prior_std(self) -> FloatArray:
         """Return the std of each prior, (p,); inf without one."""
         return np.array([free.prior.std if free.prior else math.inf for free in self.free])
-
-
-Residuals = Callable[[FloatArray], list[tuple[str, FloatArray]]]
 
 
 def steps_of(free: Sequence[Free], values: FloatArray) -> FloatArray:

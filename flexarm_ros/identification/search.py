@@ -32,7 +32,6 @@ ANCHOR = 1e-3
 """Weight of a number's relative change from its start, against residuals of 1 std."""
 
 _TINY = 1e-9
-_LARGEST_STEP = 1e4
 
 
 class Stopped(Exception):
