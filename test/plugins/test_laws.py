@@ -32,6 +32,7 @@ from flexarm_ros.scenario import plugins
 from nodetools import Asker, flexarm, wait_for
 import pytest
 from repository import ROOT
+from strangertools import fly_suite, fly_sweep
 
 MOVING = (
     '--set', 'trajectory.kind=hold', '--set', 'plant.initial_velocity=[0.1, -0.2]',
@@ -155,20 +156,9 @@ def test_suite_and_sweep_fly_an_installed_law(stranger: Path, tmp_path: Path) ->
         '/**:\n  ros__parameters: {duration: 0.1}\n'
         'plant:\n  ros__parameters: {initial_velocity: [0.1, -0.2]}\n'
     )
-    suite = tmp_path / 'suite.yaml'
-    suite.write_text(
-        f'cases:\n  - name: own\n    scenario: {base}\n    mode: simulate\n'
-        '    expect: {stable: true}\n'
-    )
-    done = flexarm('suite', suite, '--out', tmp_path / 'suite')
-    assert done.returncode == 0, done.stderr + done.stdout
-    sweep = tmp_path / 'sweep.yaml'
-    sweep.write_text(
-        f'scenario: {base}\ngrid:\n  controller.law: [pd, joint_pd]\n'
-        '  controller.joint_pd.damping: [100.0, 300.0]\n'
-    )
-    done = flexarm('sweep', sweep, '--out', tmp_path / 'sweep')
-    assert done.returncode == 0, done.stderr + done.stdout
+    fly_suite(base, tmp_path / 'suite')
+    grid = '  controller.law: [pd, joint_pd]\n  controller.joint_pd.damping: [100.0, 300.0]\n'
+    fly_sweep(base, grid, tmp_path / 'sweep')
     text = next((tmp_path / 'sweep').rglob('*.csv')).read_text()
     assert text.count('stable') >= 4
 

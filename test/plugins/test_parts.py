@@ -40,6 +40,7 @@ from nodetools import Asker, flexarm, start_node, wait_for
 import numpy as np
 import pytest
 from repository import ROOT
+from strangertools import fly_suite, fly_sweep
 
 TOPIC = 'strain_probe/strain'
 PROBE = (
@@ -158,18 +159,9 @@ def test_suite_and_sweep(stranger: Path, tmp_path: Path) -> None:
         'strain_probe:\n  ros__parameters: {gain: 0.02}\n'
         '/**:\n  ros__parameters: {duration: 0.1}\n'
     )
-    suite = tmp_path / 'suite.yaml'
-    suite.write_text(
-        f'cases:\n  - name: own\n    scenario: {base}\n    mode: simulate\n'
-        '    expect: {stable: true}\n'
-    )
-    done = flexarm('suite', suite, '--out', tmp_path / 'suite')
-    assert done.returncode == 0, done.stderr + done.stdout
+    fly_suite(base, tmp_path / 'suite')
     assert TOPIC in {t.name for t in BagReader(tmp_path / 'suite' / 'own').topics}
-    sweep = tmp_path / 'sweep.yaml'
-    sweep.write_text(f'scenario: {base}\ngrid:\n  strain_probe.gain: [0.01, 0.02]\n')
-    done = flexarm('sweep', sweep, '--out', tmp_path / 'sweep')
-    assert done.returncode == 0, done.stderr + done.stdout
+    fly_sweep(base, '  strain_probe.gain: [0.01, 0.02]\n', tmp_path / 'sweep')
 
 
 @pytest.mark.parametrize(

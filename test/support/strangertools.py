@@ -26,6 +26,7 @@ from flexarm_ros.core.control import LAWS
 from flexarm_ros.core.parameters.sections import OWN_LAWS, SECTIONS
 from flexarm_ros.core.run.parts import PLUGINS
 from flexarm_ros.scenario import plugins
+from nodetools import flexarm
 import pytest
 from repository import ROOT, TESTS
 
@@ -64,6 +65,25 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=True, timeout=120,
     )  # fmt: skip
     return place / 'site'
+
+
+def fly_suite(base: Path, out: Path) -> None:
+    """Simulate the scenario ``base`` as the case ``own`` of a suite, which passes."""
+    suite = out.with_suffix('.yaml')
+    suite.write_text(
+        f'cases:\n  - name: own\n    scenario: {base}\n    mode: simulate\n'
+        '    expect: {stable: true}\n'
+    )
+    done = flexarm('suite', suite, '--out', out)
+    assert done.returncode == 0, done.stderr + done.stdout
+
+
+def fly_sweep(base: Path, grid: str, out: Path) -> None:
+    """Sweep the scenario ``base`` over ``grid``, lines of YAML, to the end."""
+    sweep = out.with_suffix('.yaml')
+    sweep.write_text(f'scenario: {base}\ngrid:\n{grid}')
+    done = flexarm('sweep', sweep, '--out', out)
+    assert done.returncode == 0, done.stderr + done.stdout
 
 
 @pytest.fixture
