@@ -27,6 +27,7 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.bag.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
+from flexarm_ros.nodes.view.commands import found
 from flexarm_ros.nodes.view.page import is_loopback, PageError, PageServer
 from flexarm_ros.nodes.view.page_data import described, FRAMES, recording
 from nodetools import wait_for
@@ -241,6 +242,14 @@ def test_a_recorded_run_is_played_with_a_scrubber(browser: Browser, recorded: Pa
         assert browser.problems() == []
     finally:
         page.close()
+
+
+def test_a_command_waits_until_its_node_is_heard_of() -> None:
+    heard = iter(['', '', '/tip_sensor'])
+    assert found(lambda role: next(heard), 'tip_sensor') == '/tip_sensor'
+    asked: list[str] = []
+    assert not found(lambda role: asked.append(role) or '', 'nobody')
+    assert asked == ['nobody']
 
 
 @pytest.mark.nodes

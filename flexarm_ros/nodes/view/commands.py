@@ -18,8 +18,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 import contextlib
 import threading
+import time
 from typing import Any
 
+from flexarm_ros.core.parameters.sections import SECTIONS
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.client import Client
@@ -82,7 +84,7 @@ class RunCommands:
         return self._call(role, SetParameters, 'set_parameters', request)
 
     def _call(self, role: str, kind: Any, service: str, request: Any) -> str:
-        node = self._node_of(role)
+        node = found(self._node_of, role)
         if not node:
             return f'{role}: no such node in a run'
         done = threading.Event()
@@ -99,6 +101,19 @@ class RunCommands:
                 client.remove_pending_request(future)
                 return f'{name}: no answer within {_ANSWER_S:g} s'
             return problem_of(future.result())
+
+
+def found(node_of: Callable[[str], str], role: str) -> str:
+    """
+    Return the name of a role's node, empty if none is heard of within 10 s.
+
+    The page knows the parameters of a run as soon as the plant was heard, and so may set one of a
+    node that is yet to be heard.
+    """
+    end = time.monotonic() + _ANSWER_S
+    while not (node := node_of(role)) and role in SECTIONS and time.monotonic() < end:
+        time.sleep(0.02)
+    return node
 
 
 def problem_of(answer: Any) -> str:
