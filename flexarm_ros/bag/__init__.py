@@ -13,8 +13,9 @@
 # limitations under the License.
 
 """
-Bags: writing and reading a run, its metadata, and the files beside it.
+Bags: writing a run, its metadata, and the files beside it.
 
-`bag.mcap` holds the container format and recovery, `bag.checks` what compares and verifies,
-`bag.tables` the exports.  Imports core, wire and scenario; never rclpy.
+`bag.mcap` holds the container format and recovery, `bag.reading` reads runs tick by tick,
+`bag.checks` compares and verifies, `bag.tables` exports.  Imports core, wire and scenario; never
+rclpy.
 """

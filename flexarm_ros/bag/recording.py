@@ -38,7 +38,7 @@ from flexarm_ros.bag.outputs import (
     write_trajectory,
 )
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.timing import TimingLog
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig

@@ -23,7 +23,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.checks.compare import compare
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.mcap.recover import recover
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.tables.export import export
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.changes import Change

@@ -89,7 +89,7 @@ def test_the_plant_is_proved_by_the_command_that_it_held(tmp_path: Path) -> None
 
 
 def _of(bag: Path, tick: int, topic: int) -> bytes:
-    from flexarm_ros.bag.reader import BagReader
+    from flexarm_ros.bag.reading.reader import BagReader
 
     found = dict(BagReader(bag).ticks())[tick][topic]
     assert found is not None

@@ -29,7 +29,7 @@ from flexarm_ros.bag.embedded_metadata import bag_config
 from flexarm_ros.bag.errors import BagError, BagExistsError
 from flexarm_ros.bag.outputs import unfinished_summary, write_summary
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.bag.tables.export import export, NO_PYARROW
 from flexarm_ros.bag.writer import BagWriter

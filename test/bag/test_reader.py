@@ -41,7 +41,7 @@ from flexarm_ros.bag.mcap.mcapfile import MAGIC, McapFile, RECORD_INDEX
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.mcap.scan import MAX_CHUNK_DATA
 from flexarm_ros.bag.metadata import definition, read_counts
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.wire.topics import per_tick_topics

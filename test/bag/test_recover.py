@@ -32,7 +32,7 @@ from bagtools import small_config, small_messages, write_small
 from flexarm_ros.bag.errors import BagError, BagExistsError
 from flexarm_ros.bag.mcap.recover import recover, Rescue
 from flexarm_ros.bag.mcap.scan import Scanner
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.recording import finish_run, prepare_directory
 from flexarm_ros.cli import main
 from mcap.reader import make_reader

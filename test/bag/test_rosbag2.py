@@ -30,7 +30,7 @@ from flexarm_ros import scenario
 from flexarm_ros.analysis.report.runs import load_run
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.errors import BagContentError, BagError
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.cli import main
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.wire import parameter_event as changes

@@ -31,7 +31,7 @@ from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.mcap.scan import Scanner
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.parameters.sections import RunConfig

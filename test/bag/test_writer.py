@@ -27,10 +27,10 @@ from typing import Any
 
 from bagtools import OPEN_LOOP, small_config, small_messages, write_small
 from flexarm_ros import scenario
-from flexarm_ros.bag.blocks import decode_ticks
 from flexarm_ros.bag.errors import BagContentError, BagError, BagExistsError
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.blocks import decode_ticks
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.wire.topics import COMMAND, JOINT_STATES, per_tick_topics, STATE, TIP

@@ -22,7 +22,7 @@ from bagtools import small_config
 from flexarm_ros import scenario
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.mcap.recover import recover
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig

@@ -25,7 +25,7 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.nodes.view.commands import found
 from flexarm_ros.nodes.view.page import is_loopback, PageError, PageServer

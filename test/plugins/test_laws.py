@@ -313,7 +313,7 @@ def test_nodes_fly_an_installed_law_with_the_bytes_of_simulate(
 def test_an_own_parameter_is_described_and_set_while_the_run_goes_on(
     stranger: Path, tmp_path: Path, ros_domain: int, rclpy_node: Any
 ) -> None:
-    from flexarm_ros.bag.reader import BagReader
+    from flexarm_ros.bag.reading.reader import BagReader
     from rcl_interfaces.srv import DescribeParameters
 
     ask = Asker(*rclpy_node)

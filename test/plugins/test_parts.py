@@ -25,7 +25,7 @@ from typing import Any, ClassVar
 import flexarm_ros as fa
 from flexarm_ros import cli, scenario
 from flexarm_ros.bag.checks.digest import digest_of as digest
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, RunConfig, with_section
 from flexarm_ros.core.parameters.spec import parameter

@@ -22,7 +22,7 @@ from pathlib import Path
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop

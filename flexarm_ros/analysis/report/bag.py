@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.bag.outputs import summary_of
-from flexarm_ros.bag.reader import open_run
+from flexarm_ros.bag.reading.reader import open_run
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig

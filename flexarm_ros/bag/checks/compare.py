@@ -24,7 +24,7 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.reader import BagReader, open_run
+from flexarm_ros.bag.reading.reader import BagReader, open_run
 from flexarm_ros.bag.tables.topics import batches
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.wire.cdr import FloatArray, IntArray

@@ -33,7 +33,7 @@ from flexarm_ros.bag.errors import BagContentError, UnknownRoleError
 from flexarm_ros.bag.mcap.storage import METADATA_FILE
 from flexarm_ros.bag.metadata import read_counts, read_files
 from flexarm_ros.bag.provenance import Provenance
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop

@@ -57,7 +57,7 @@ from flexarm_ros.bag.mcap.scan import (
     unpack,
 )
 from flexarm_ros.bag.mcap.storage import find_bag, Front
-from flexarm_ros.bag.reader import (
+from flexarm_ros.bag.reading.reader import (
     check_complete,
     front_provenance,
     front_scenario,

@@ -31,7 +31,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.embedded_metadata import bag_config, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import make_directory, write_atomically
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.tables.topics import BATCH, Batch, batches
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.core.parameters.sections import RunConfig

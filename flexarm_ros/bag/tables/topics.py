@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.wire.cdr import FloatArray, IntArray
 import numpy as np
 

@@ -21,7 +21,7 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.run.parts import columns
 from flexarm_ros.core.run.state import MessageState
 from flexarm_ros.core.run.trajectory_rows import Row, Rows

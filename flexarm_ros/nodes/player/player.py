@@ -30,7 +30,7 @@ from typing import Any
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.errors import BagError
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters.spec import check
 from flexarm_ros.core.run.real_time import spread

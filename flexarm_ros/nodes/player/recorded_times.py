@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.nodes.player.options import PlayerError
 from flexarm_ros.wire.topics import COMMAND, TIMING
 

@@ -20,7 +20,7 @@ import math
 import os
 from typing import Any
 
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.parameters.sections import (
     keys,
     RunConfig,

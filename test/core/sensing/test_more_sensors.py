@@ -21,7 +21,7 @@ from pathlib import Path
 
 from flexarm_ros import scenario
 from flexarm_ros.bag.checks.verify import verify
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.run.loop import ClosedLoop

@@ -37,7 +37,7 @@ CHANGES = (
 def test_live_parameters_change_at_a_tick_and_are_on_record(
     tmp_path: Path, ros_domain: int, rclpy_node
 ) -> None:
-    from flexarm_ros.bag.reader import BagReader
+    from flexarm_ros.bag.reading.reader import BagReader
 
     ask = Asker(*rclpy_node)
     out, done = tmp_path / 'run', []

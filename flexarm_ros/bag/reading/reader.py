@@ -17,7 +17,7 @@ Reading of a recorded run: its scenario, its provenance, its messages tick by ti
 
 Files are read from front to end in constant memory.  The index in the file is neither needed
 nor trusted.  A bag of this package is self-contained; one of another recorder is matched to the
-ticks by its stamps (:mod:`flexarm_ros.bag.matching`).
+ticks by its stamps (:mod:`flexarm_ros.bag.reading.matching`).
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.bag.blocks import decode_ticks
 from flexarm_ros.bag.embedded_metadata import PROVENANCE_FILE, SCENARIO_FILE, TORQUES_FILE
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.bag.matching import change_of, Match, match, UNKNOWN
 from flexarm_ros.bag.mcap.scan import Damage, Message
 from flexarm_ros.bag.mcap.storage import BagFile, Front, open_files
 from flexarm_ros.bag.provenance import Provenance
+from flexarm_ros.bag.reading.blocks import decode_ticks
+from flexarm_ros.bag.reading.matching import change_of, Match, match, UNKNOWN
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.block import Block
