@@ -30,7 +30,7 @@ from typing import Any
 
 from bench.launch import LIMIT_S, MeasurementFailed
 from bench.table import markdown, Part, Ratio
-from flexarm_ros.core.run.real_time import spread
+from flexarm_ros.core.run.results.real_time import spread
 from flexarm_ros.nodes.realtime.measure import bare_jitter
 from flexarm_ros.nodes.realtime.system import can_prioritise, prioritised
 

@@ -28,8 +28,8 @@ from flexarm_ros.core.control import Sample
 from flexarm_ros.core.control.pd import FlsLaw
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.trajectory_rows import Rows
+from flexarm_ros.core.run.results.metrics import Metrics
+from flexarm_ros.core.run.results.trajectory_rows import Rows
 import numpy as np
 from validation.fuzzy_variants import FuzzyGain
 

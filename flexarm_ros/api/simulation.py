@@ -33,8 +33,8 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
-from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.trajectory_rows import header, Row, Rows
+from flexarm_ros.core.run.results.metrics import Metrics
+from flexarm_ros.core.run.results.trajectory_rows import header, Row, Rows
 from flexarm_ros.scenario.plugins import register
 import numpy as np
 from numpy.typing import ArrayLike

@@ -43,8 +43,8 @@ from flexarm_ros.bag.timing import TimingLog
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.block import Block
-from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.real_time import RunTiming
+from flexarm_ros.core.run.results.metrics import Metrics
+from flexarm_ros.core.run.results.real_time import RunTiming
 
 BAG = 'bag'
 _DAMAGED = 'bag-damaged'

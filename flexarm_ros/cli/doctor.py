@@ -116,7 +116,7 @@ def _timing(duration: float, rate: float) -> dict[str, dict[str, Any]]:
 
 
 def _measured(duration: float, rate: float) -> dict[str, Any]:
-    from flexarm_ros.core.run.real_time import spread
+    from flexarm_ros.core.run.results.real_time import spread
     from flexarm_ros.nodes.realtime.measure import bare_jitter
 
     jitter = bare_jitter(round(1e9 / rate), max(1, round(duration * rate)))

@@ -27,7 +27,7 @@ import flexarm_ros as fa
 from flexarm_ros.analysis.report.runs import RunError
 from flexarm_ros.api.run import MEANINGS, unit_of
 from flexarm_ros.bag.errors import BagExistsError
-from flexarm_ros.core.run.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
 import numpy as np
 import pytest
 from report_cases import fly

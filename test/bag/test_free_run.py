@@ -27,7 +27,7 @@ from flexarm_ros.bag.recording import finish_run
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.bag.timing import FILE, read_timing
 from flexarm_ros.cli import main
-from flexarm_ros.core.run.real_time import KEYS
+from flexarm_ros.core.run.results.real_time import KEYS
 from flexarm_ros.wire.topics import COMMAND
 from freetools import free_config, write_free
 import numpy as np

@@ -36,8 +36,8 @@ from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
-from flexarm_ros.core.run.metric_list import METRICS, NAMES
-from flexarm_ros.core.run.metrics import Metrics
+from flexarm_ros.core.run.results.metric_list import METRICS, NAMES
+from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE
 import numpy as np
 import pytest

@@ -25,7 +25,7 @@ from typing import Any
 from flexarm_ros.core.arm.kinematics import round_off
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
 import numpy as np
 
 COLLOCATED = 'collocated'

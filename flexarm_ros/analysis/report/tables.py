@@ -27,7 +27,7 @@ from typing import Any
 from flexarm_ros.analysis.report.claims import Claim, Claims
 from flexarm_ros.analysis.report.runs import labels, number, ReportedRun
 from flexarm_ros.core.parameters.sections import keys, SECTIONS
-from flexarm_ros.core.run.metric_list import METRICS
+from flexarm_ros.core.run.results.metric_list import METRICS
 
 MOST_SWITCHES = 12
 """Maximum number of direction switches whose overshoots are listed."""

@@ -23,7 +23,7 @@ from flexarm_ros.analysis.report.runs import labels, ReportedRun, RunError
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.timing import read_timing
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.run.real_time import bin_edges, RunTiming, spread
+from flexarm_ros.core.run.results.real_time import bin_edges, RunTiming, spread
 import numpy as np
 
 _WIDTH, _HEIGHT, _FOOT, _LEFT = 480, 150, 34, 44

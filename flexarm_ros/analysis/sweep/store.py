@@ -34,7 +34,7 @@ from typing import Any
 
 from flexarm_ros.analysis.sweep.worker import OUTCOMES, Row
 from flexarm_ros.bag.mcap.files import naming
-from flexarm_ros.core.run.metric_list import METRICS
+from flexarm_ros.core.run.results.metric_list import METRICS
 from flexarm_ros.scenario.sweeps.sweep import Sweep
 
 IDENTITY, ROWS, TABLE, PARQUET = 'sweep.json', 'rows.jsonl', 'table.csv', 'table.parquet'

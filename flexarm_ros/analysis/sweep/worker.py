@@ -55,8 +55,8 @@ def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
     """
     from flexarm_ros.core.run.loop import ClosedLoop
     from flexarm_ros.core.run.loop_blocks import loop_blocks
-    from flexarm_ros.core.run.metrics import Metrics
-    from flexarm_ros.core.run.trajectory_rows import Rows
+    from flexarm_ros.core.run.results.metrics import Metrics
+    from flexarm_ros.core.run.results.trajectory_rows import Rows
 
     loop, rows, metrics = ClosedLoop(config), Rows(config), Metrics(config)
     for block in loop_blocks(loop):

@@ -23,8 +23,8 @@ from typing import NamedTuple
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.run.parts import columns
+from flexarm_ros.core.run.results.trajectory_rows import Row, Rows
 from flexarm_ros.core.run.state import MessageState
-from flexarm_ros.core.run.trajectory_rows import Row, Rows
 from flexarm_ros.core.timeline import NS_PER_S
 from flexarm_ros.wire.topics import COMMAND, REFERENCE, STATE, TIP
 

@@ -21,7 +21,7 @@ import sys
 from typing import Any
 
 from flexarm_ros.cli import UsageError
-from flexarm_ros.core.run.metric_list import METRICS
+from flexarm_ros.core.run.results.metric_list import METRICS
 from flexarm_ros.scenario.errors import clip
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The closed loop of a run: parts, loop, rows of the trajectory, metrics and checks.
+The closed loop of a run: parts, loop, compiled blocks of ticks and checks.
 
-Imports all of core.
+`core.run.results` computes what a run yields.  Imports all of core.
 """

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.trajectory_rows import Rows
+from flexarm_ros.core.run.results.metrics import Metrics
+from flexarm_ros.core.run.results.trajectory_rows import Rows
 
 
 def warm_up(config: RunConfig) -> None:

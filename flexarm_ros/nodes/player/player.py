@@ -33,7 +33,7 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters.spec import check
-from flexarm_ros.core.run.real_time import spread
+from flexarm_ros.core.run.results.real_time import spread
 from flexarm_ros.nodes.player.options import declare, PlayerError, PlayerOptions
 from flexarm_ros.nodes.player.pace import Pace
 from flexarm_ros.nodes.player.recorded_times import RecordedTimes

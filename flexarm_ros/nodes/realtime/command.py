@@ -19,7 +19,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from flexarm_ros.core.run.real_time import NO_COMMAND
+from flexarm_ros.core.run.results.real_time import NO_COMMAND
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.topics.channels import Input, Values
 from flexarm_ros.wire.topics import Topic

@@ -23,7 +23,7 @@ has arrived is held over it: with all commands in time the run is that of lock-s
 from __future__ import annotations
 
 from flexarm_ros.core.parameters.sections import PlantParameters
-from flexarm_ros.core.run.real_time import LiveTiming, NO_COMMAND
+from flexarm_ros.core.run.results.real_time import LiveTiming, NO_COMMAND
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.realtime.command import CommandInput
 from flexarm_ros.nodes.run_control.services import RunControl

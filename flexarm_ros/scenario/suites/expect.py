@@ -29,7 +29,7 @@ import operator
 import re
 from typing import Any
 
-from flexarm_ros.core.run.metric_list import NAMES
+from flexarm_ros.core.run.results.metric_list import NAMES
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree, Scalar, SequenceTree, show, Tree
 from flexarm_ros.scenario.yaml.treeread import as_list, as_map, as_number

@@ -25,8 +25,8 @@ from flexarm_ros.core.control.design import motion
 from flexarm_ros.core.control.lqg import AdaptiveLaw
 from flexarm_ros.core.run.checks import check
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.metrics import Metrics
-from flexarm_ros.core.run.trajectory_rows import Rows
+from flexarm_ros.core.run.results.metrics import Metrics
+from flexarm_ros.core.run.results.trajectory_rows import Rows
 import numpy as np
 import pytest
 

@@ -15,7 +15,14 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.run.real_time import flat, KEYS, LiveSpread, LiveTiming, RunTiming, shown
+from flexarm_ros.core.run.results.real_time import (
+    flat,
+    KEYS,
+    LiveSpread,
+    LiveTiming,
+    RunTiming,
+    shown,
+)
 import numpy as np
 import pytest
 

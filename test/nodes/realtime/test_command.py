@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import Any
 
 from bagtools import small_config
-from flexarm_ros.core.run.real_time import NO_COMMAND
+from flexarm_ros.core.run.results.real_time import NO_COMMAND
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics
 from freetools import free_config

@@ -24,7 +24,7 @@ from typing import Any
 
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.timing import read_timing
-from flexarm_ros.core.run.real_time import KEYS
+from flexarm_ros.core.run.results.real_time import KEYS
 from nodetools import finish, flexarm, ROOT, start_node, wait_for, write_scenario
 import numpy as np
 import pytest

@@ -23,7 +23,7 @@ from typing import Any, NoReturn
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import ControllerPart, part_of, readers, RecorderPart, roles
-from flexarm_ros.core.run.real_time import outlives_controller
+from flexarm_ros.core.run.results.real_time import outlives_controller
 from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import (
     connects,

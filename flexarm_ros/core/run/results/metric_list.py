@@ -40,7 +40,7 @@ METRICS = (
     Metric('max_deflection', 'max deflection', 'm'),
     Metric('max_torque', 'max torque', 'N m'),
 )
-"""The metrics of `flexarm_ros.core.run.metrics.Metrics.result`, besides ``ticks``."""
+"""The metrics of `flexarm_ros.core.run.results.metrics.Metrics.result`, besides ``ticks``."""
 
 NAMES = (*(metric.name for metric in METRICS), 'ticks')
 """Keys of the metrics, in order."""
