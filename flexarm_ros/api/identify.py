@@ -20,7 +20,8 @@ from collections.abc import Mapping, Sequence
 import os
 from typing import Any, TypeAlias
 
-from flexarm_ros.identification import fitting, prediction
+from flexarm_ros.identification.estimate import fitting
+from flexarm_ros.identification.prediction import predict as prediction
 from flexarm_ros.identification.recording import read, read_columns, Recording
 from flexarm_ros.identification.setting import load_setting
 

@@ -26,7 +26,7 @@ from flexarm_ros.cli.predict import add_data_options, positive, print_table, say
 from flexarm_ros.cli.signals import Deferred
 
 if TYPE_CHECKING:
-    from flexarm_ros.identification.fitting import Fit
+    from flexarm_ros.identification.estimate.fitting import Fit
 
 WINDOW = 2.0
 """Default length of the windows, s, except in mode closed_loop."""
@@ -82,8 +82,8 @@ def run(args: argparse.Namespace) -> int:
     """Fit, write the results; return 0, 1 without convergence, 130, 143 or 129 after a signal."""
     from flexarm_ros.cli.options.output import check_utf8
     from flexarm_ros.cli.options.progress import FitProgress
-    from flexarm_ros.identification.fitting import fit, prepare
-    from flexarm_ros.identification.store import write
+    from flexarm_ros.identification.estimate.fitting import fit, prepare
+    from flexarm_ros.identification.report.store import write
 
     default = math.inf if args.mode == 'closed_loop' else WINDOW
     window = default if args.window is None else args.window

@@ -25,7 +25,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexarm_ros.identification.prediction import Prediction
+    from flexarm_ros.identification.prediction.predict import Prediction
     from flexarm_ros.identification.recording import Recording
 
 UNITS = {'theta': 'rad', 'tip_': 'm'}
@@ -54,7 +54,7 @@ def add_parser(subparsers: Any) -> None:
 
 def add_data_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``predict`` and ``fit`` share."""
-    from flexarm_ros.identification.modes import MODES
+    from flexarm_ros.identification.prediction.modes import MODES
 
     parser.add_argument(
         '--scenario', required=True, metavar='SCENARIO',
@@ -87,7 +87,7 @@ def positive(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Print the comparison; return 0."""
-    from flexarm_ros.identification.prediction import predict, ringing_of
+    from flexarm_ros.identification.prediction.predict import predict, ringing_of
     from flexarm_ros.identification.recording import read
     from flexarm_ros.identification.setting import load_setting
 

@@ -15,7 +15,8 @@
 """
 Measured arms: how well a scenario predicts a recording, and which parameters fit it best.
 
-``recording`` reads a CSV or a run into channels in SI units, ``arm`` makes the compiled model of a
-scenario's arm and sensor chain, ``predict`` compares it with a recording in windows, ``fit``
-estimates parameters by least squares.  No ROS is needed.
+``recording`` reads a CSV or a run into channels in SI units, ``setting`` a scenario whose numbers
+can be set one by one.  ``model`` compiles the scenario's arm and sensor chain, ``prediction``
+compares it with a recording in windows, ``estimate`` fits parameters by least squares, ``report``
+writes the result.  Imports core, scenario, bag and analysis; no ROS.
 """

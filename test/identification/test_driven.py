@@ -26,11 +26,11 @@ from typing import Any
 from armtools import ARM, PERIOD
 import flexarm_ros.cli as cli
 from flexarm_ros.core.arm.full.plant import FullPlant
-from flexarm_ros.identification.fitting import fit, prepare
-from flexarm_ros.identification.prediction import predict
+from flexarm_ros.identification.estimate.fitting import fit, prepare
+from flexarm_ros.identification.estimate.statistics import estimate
+from flexarm_ros.identification.prediction.predict import predict
 from flexarm_ros.identification.recording import channel_of, read, Recording
 from flexarm_ros.identification.setting import load_setting
-from flexarm_ros.identification.statistics import estimate
 from flexarm_ros.scenario import ScenarioError
 import numpy as np
 import pytest

@@ -22,8 +22,8 @@ from typing import Any
 from armtools import ARM, PERIOD
 from flexarm_ros.core.control import make_law, Sample
 from flexarm_ros.core.run.make_plant import make_plant
-import flexarm_ros.identification.flying as flying
-from flexarm_ros.identification.prediction import predict
+from flexarm_ros.identification.prediction import whole_arm as flying
+from flexarm_ros.identification.prediction.predict import predict
 from flexarm_ros.identification.recording import Recording
 from flexarm_ros.identification.setting import load_setting
 from flexarm_ros.scenario import ScenarioError

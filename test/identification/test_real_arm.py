@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from flexarm_ros.identification.prediction import predict, ringing_of
+from flexarm_ros.identification.prediction.predict import predict, ringing_of
 from flexarm_ros.identification.recording import read
 from flexarm_ros.identification.setting import load_setting
 import pytest

@@ -158,7 +158,7 @@ class FitProgress(_Shown):
     """Shows the iteration of a fit and the longest remaining time."""
 
     def update(self, search: Any) -> None:
-        """Take a `flexarm_ros.identification.search.Search` in progress."""
+        """Take a `flexarm_ros.identification.estimate.search.Search` in progress."""
         left = search.seconds_left
         note = (
             f'round {search.round + 1} of 2, iteration {search.iterations}, '

@@ -26,8 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.prediction import Channel, MODES, predict, Prediction
-from flexarm_ros.identification.problem import (
+from flexarm_ros.identification.estimate.problem import (
     Free,
     free_number,
     parse_prior,
@@ -36,10 +35,11 @@ from flexarm_ros.identification.problem import (
     Span,
     Task,
 )
+from flexarm_ros.identification.estimate.search import Search, Stopped
+from flexarm_ros.identification.estimate.statistics import Estimate, estimate, free_scale
+from flexarm_ros.identification.prediction.predict import Channel, MODES, predict, Prediction
 from flexarm_ros.identification.recording import PathLike, read, Recording
-from flexarm_ros.identification.search import Search, Stopped
 from flexarm_ros.identification.setting import load_setting, numbers_of, Setting, spec_of, text_of
-from flexarm_ros.identification.statistics import Estimate, estimate, free_scale
 from flexarm_ros.scenario.errors import clip, ScenarioError
 import numpy as np
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import math
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.prediction import predict, Prediction
+from flexarm_ros.identification.prediction.predict import predict, Prediction
 from flexarm_ros.identification.recording import Recording
 from flexarm_ros.identification.setting import Setting, spec_of
 from flexarm_ros.scenario.errors import clip, ScenarioError

@@ -21,12 +21,21 @@ from dataclasses import dataclass
 import math
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.driving import BoolArray, predict_driven, prepare_driven
-from flexarm_ros.identification.flying import ANGLE, centred_rates, predict_torque, RATE
-from flexarm_ros.identification.modes import MODES
-from flexarm_ros.identification.motion import BIAS
+from flexarm_ros.identification.model.driven_motion import BIAS
+from flexarm_ros.identification.prediction.driven_arm import (
+    BoolArray,
+    predict_driven,
+    prepare_driven,
+)
+from flexarm_ros.identification.prediction.modes import MODES
+from flexarm_ros.identification.prediction.ringing import Mode, quiet_spans, ringing
+from flexarm_ros.identification.prediction.whole_arm import (
+    ANGLE,
+    centred_rates,
+    predict_torque,
+    RATE,
+)
 from flexarm_ros.identification.recording import Recording
-from flexarm_ros.identification.ringing import Mode, quiet_spans, ringing
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError
 import numpy as np

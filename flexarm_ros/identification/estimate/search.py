@@ -22,8 +22,8 @@ import math
 import time
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.problem import Problem, steps_of
-from flexarm_ros.identification.statistics import correlation_length
+from flexarm_ros.identification.estimate.problem import Problem, steps_of
+from flexarm_ros.identification.estimate.statistics import correlation_length
 import numpy as np
 from scipy.optimize import least_squares
 

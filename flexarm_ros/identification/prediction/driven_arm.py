@@ -19,14 +19,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.model import (
+from flexarm_ros.identification.model.arm_model import (
     ArmModel,
     check_model,
     gauge_noise,
     make_model,
     observer_gain,
 )
-from flexarm_ros.identification.motion import driven, SLOPE
+from flexarm_ros.identification.model.driven_motion import driven, SLOPE
 from flexarm_ros.identification.recording import moved, Recording
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_ros.analysis.figures.style import BLACK, BLUE, drawing, GREY, new_figure, ORANGE, save
-from flexarm_ros.identification.prediction import Channel, Prediction
+from flexarm_ros.identification.prediction.predict import Channel, Prediction
 import numpy as np
 from scipy.signal import welch
 

@@ -24,9 +24,14 @@ from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.control.state_feedback import StateFeedback, StateFeedbackParameters
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
-from flexarm_ros.identification.driving import driven_states, DrivenData, true_angles, zeroed
-from flexarm_ros.identification.flight import ANGLE, flown, RATE, STRAIN
-from flexarm_ros.identification.model import ArmModel, lowpass_step, make_model
+from flexarm_ros.identification.model.arm_model import ArmModel, lowpass_step, make_model
+from flexarm_ros.identification.model.arm_motion import ANGLE, flown, RATE, STRAIN
+from flexarm_ros.identification.prediction.driven_arm import (
+    driven_states,
+    DrivenData,
+    true_angles,
+    zeroed,
+)
 from flexarm_ros.identification.recording import Recording
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import clip, ScenarioError
@@ -67,7 +72,7 @@ def _rig(plant: PlantParameters) -> Rig:
 
 
 class Loop(NamedTuple):
-    """The controller of a flight; see `flexarm_ros.identification.flight.flown`."""
+    """The controller of a flight; see `flexarm_ros.identification.model.arm_motion.flown`."""
 
     law: FloatArray
     rates: FloatArray
@@ -179,7 +184,7 @@ def fly(
     flight: Flight, torques: FloatArray, data: DrivenData, first: int, last: int,
     start: FloatArray, outputs: FloatArray, loop: Loop,
 ) -> None:  # fmt: skip
-    """Fill rows of ``outputs`` from a start state; see `flexarm_ros.identification.flight`."""
+    """Fill rows of ``outputs`` from a start state; see `identification.model.arm_motion`."""
     model = flight.model
     flown(
         model.terms, flight.rig, flight.scratch, model.shapes, model.gauges, model.lowpass,

@@ -25,7 +25,7 @@ from flexarm_ros.core.arm.full.model import link_bases
 from flexarm_ros.core.arm.full.plant import ACCURATE_PHASE, mass_matrix
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
-from flexarm_ros.identification.motion import BIAS, FILTERED, SLOPE
+from flexarm_ros.identification.model.driven_motion import BIAS, FILTERED, SLOPE
 from flexarm_ros.identification.setting import GaugeParameters, Setting
 from flexarm_ros.scenario.errors import ScenarioError
 import numpy as np
@@ -50,7 +50,7 @@ class ArmModel:
     Constants of one arm and its gauges for recordings with one sample period.
 
     ``shapes`` (2, N): each gauge's signal per elastic coordinate of its link, gain included.
-    ``gauges`` (2, 3) and ``lowpass`` (2, 2, 4): see `flexarm_ros.identification.motion`.
+    ``gauges`` (2, 3) and ``lowpass`` (2, 2, 4): see `driven_motion` beside this module.
     """
 
     plant: PlantParameters

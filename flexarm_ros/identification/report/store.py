@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.bag.mcap.files import naming
-from flexarm_ros.identification.fitting import Fit
+from flexarm_ros.identification.estimate.fitting import Fit
 from flexarm_ros.identification.setting import text_of
 
 
@@ -33,8 +33,8 @@ def write(fit: Fit, out: Path, pictures: bool = True) -> list[Path]:
         _text(out / 'fitted.yaml', f'# {_source(fit)}\n{text_of(fit.setting)}'),
     ]
     if pictures:
-        from flexarm_ros.identification.page import page
-        from flexarm_ros.identification.pictures import write_pictures
+        from flexarm_ros.identification.report.page import page
+        from flexarm_ros.identification.report.pictures import write_pictures
 
         named = [(f'fitted_{i + 1}', found) for i, found in enumerate(fit.predictions)]
         named += [(f'held_out_{i + 1}', found) for i, found in enumerate(fit.others)]

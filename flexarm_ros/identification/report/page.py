@@ -22,8 +22,8 @@ from html import escape
 import math
 from pathlib import Path
 
-from flexarm_ros.identification.fitting import Fit
-from flexarm_ros.identification.prediction import Channel
+from flexarm_ros.identification.estimate.fitting import Fit
+from flexarm_ros.identification.prediction.predict import Channel
 from flexarm_ros.identification.setting import spec_of
 
 STYLE = (

@@ -26,7 +26,7 @@ from typing import Any
 
 from flexarm_ros.core.arm.driven.dynamics import Rig, Scratch, step_driven
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
-from flexarm_ros.identification.motion import IntArray, pass_low, sense
+from flexarm_ros.identification.model.driven_motion import IntArray, pass_low, sense
 import numpy as np
 
 STRAIN, ANGLE, RATE = 0, 2, 4
