@@ -33,7 +33,7 @@ API_USES = {'core', 'stability', 'wire', 'scenario', 'bag', 'analysis', 'identif
 # What the core cannot do itself, having no files: say where its compiled code is kept.
 HELPER = 'code_cache'
 WITHOUT_ROS = API_USES
-HELPERS = [*(ROOT.parent / 'bench').glob('*.py'), *SUPPORT.glob('*tools.py')]
+HELPERS = [*(ROOT.parent / 'bench').glob('*.py'), *SUPPORT.rglob('*tools.py')]
 NODES = {'plant', 'trajectory', 'answering', 'recorder', 'player'}
 # What a pure function of numbers has no use for: files, clocks, the system, randomness of its own.
 IMPURE = {

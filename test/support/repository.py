@@ -21,7 +21,7 @@ from pathlib import Path
 ROOT = next(path for path in Path(__file__).resolve().parents if (path / 'setup.py').exists())
 TESTS = ROOT / 'test'
 SUPPORT = Path(__file__).resolve().parent
-PATH = f'{SUPPORT}:{ROOT}'
+PATH = f'{SUPPORT}:{SUPPORT}/nodes:{SUPPORT}/bags:{ROOT}'
 """``PYTHONPATH`` of a process that imports the package and the helpers of the tests."""
 STANDIN = TESTS / 'message_info' / 'sitecustomize.py'
 """Takes away what messages tell of their publisher, as other middlewares do."""

@@ -28,10 +28,11 @@ from flexarm_ros.core.run.results.real_time import KEYS
 from nodetools import finish, flexarm, ROOT, start_node, wait_for, write_scenario
 import numpy as np
 import pytest
+from repository import SUPPORT
 
 pytestmark = pytest.mark.nodes
 
-LATE = ROOT / 'test' / 'support' / 'free_controller.py'
+LATE = SUPPORT / 'nodes' / 'free_controller.py'
 # The arm holds its place, so that a torque that comes late on a busy machine does no harm.
 FREE = ('--set', 'sync=free', '--set', 'trajectory.kind=hold', '--rtf', '1', '--no-pictures')
 NOISE = 'tip_sensor.noise_std=1e-4'
