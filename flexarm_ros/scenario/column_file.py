@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""CSV files of section ``disturbance``, whose columns become keys of the scenario."""
+"""CSV files whose columns become keys of the scenario: of a disturbance, of latencies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ import io
 import math
 from pathlib import Path
 
-from flexarm_ros.core.parameters.sections import RunConfig, with_section
+from flexarm_ros.core.parameters.channel import ChannelParameters, LONGEST_MEASURED_S
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, with_section
 from flexarm_ros.core.run.rig_parts import DisturbancePart, TABLES
 from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.files import read_text
@@ -31,8 +32,10 @@ HEADERS = {'force_file': ('t', 'fx', 'fy'), 'payload_file': ('t', 'payload_mass'
 MAX_BYTES = 1024 * 1024
 MAX_ROWS = 10_000
 
-KEYS = frozenset((DisturbancePart.NAME, key) for key in HEADERS)
-"""Section and key of each file."""
+
+def is_file(section: str, key: str) -> bool:
+    """Return whether the value of a key is the path of such a file."""
+    return key == 'latency_file' or (section == DisturbancePart.NAME and key in HEADERS)
 
 
 def with_columns(config: RunConfig, base: Path) -> RunConfig:
@@ -47,7 +50,37 @@ def with_columns(config: RunConfig, base: Path) -> RunConfig:
         if path is not None:
             columns = read_columns(base / path, HEADERS[key])
             held = replace(held, **dict(zip(TABLES[key], columns, strict=True)), **{key: None})
-    return config if held is None else with_section(config, DisturbancePart.NAME, held)
+    if held is not None:
+        config = with_section(config, DisturbancePart.NAME, held)
+    for section in SECTIONS:
+        channel = config.section(section)
+        if isinstance(channel, ChannelParameters) and channel.latency_file is not None:
+            latencies = read_latencies(base / channel.latency_file)
+            channel = replace(channel, latencies=latencies, latency_file=None)
+            config = with_section(config, section, channel)
+    return config
+
+
+def read_latencies(path: Path) -> tuple[float, ...]:
+    """Return the latencies of a CSV file without a header, s, one a line; at least 1."""
+    name, found = clip(str(path)), list[float]()
+    for number, line in enumerate(read_text(path, MAX_BYTES).splitlines(), start=1):
+        text = line.strip()
+        if not text:
+            continue
+        try:
+            latency = float(text) if '_' not in text else math.nan
+        except ValueError:
+            latency = math.nan
+        if not 0.0 <= latency <= LONGEST_MEASURED_S:
+            raise ScenarioError(
+                f"{name}: line {number}: '{clip(text)}' is not a latency of 0 to "
+                f'{LONGEST_MEASURED_S:g} s'
+            )
+        found.append(latency)
+    if not 1 <= len(found) <= MAX_ROWS:
+        raise ScenarioError(f'{name}: {len(found)} latencies; allowed: 1 to {MAX_ROWS}')
+    return tuple(found)
 
 
 def read_columns(path: Path, header: tuple[str, ...]) -> list[tuple[float, ...]]:

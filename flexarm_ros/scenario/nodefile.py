@@ -41,10 +41,19 @@ from flexarm_ros.core.parameters.sections import is_optional, RunConfig, SECTION
 from flexarm_ros.core.parameters.sections import keys as keys_of
 from flexarm_ros.core.run.parts import parts_of
 from flexarm_ros.scenario.check import check
+from flexarm_ros.scenario.column_file import is_file
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.plugins import find_laws, find_section
-from flexarm_ros.scenario.reader import build, is_of_ros, MAX_BYTES, PathLike, PRESENT, WHOLE_RUN
+from flexarm_ros.scenario.reader import (
+    beside,
+    build,
+    is_of_ros,
+    MAX_BYTES,
+    PathLike,
+    PRESENT,
+    WHOLE_RUN,
+)
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree, parse, Scalar, show, Tree
 
 PARAMETERS = 'ros__parameters'
@@ -110,7 +119,12 @@ class NodeParameters:
         these parameters are known once their nodes report them
         (`flexarm_ros.nodes.runtime.joining.config_exchange`).
         """
-        values = {where: given.tree for where, given in self.scenario.items()}
+        values = {
+            where: beside(given.tree, given.file.resolve().parent)
+            if given.file is not None and is_file(*where)
+            else given.tree
+            for where, given in self.scenario.items()
+        }
         config = build(values, torque_base=self.torque_base, whole=False)
         try:
             parts_of(config)

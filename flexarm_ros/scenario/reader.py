@@ -35,7 +35,7 @@ from flexarm_ros.core.parameters.sections import (
     with_section,
 )
 from flexarm_ros.scenario.check import check
-from flexarm_ros.scenario.column_file import KEYS, with_columns
+from flexarm_ros.scenario.column_file import is_file, with_columns
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
@@ -79,18 +79,19 @@ def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -
         given = _read(read_text(path, MAX_BYTES), clip(str(path), PATH_WIDTH), user=True)
         if ('controller', 'torque_file') in given:
             torque_base = path.resolve().parent
-        for where in KEYS & given.keys():
-            given[where] = _beside(given[where], path.resolve().parent)
+        for where in given:
+            if is_file(*where):
+                given[where] = beside(given[where], path.resolve().parent)
         values.update(given)
     for override in overrides:
         where, tree = parse_override(override)
         if where == ('controller', 'torque_file'):
             torque_base = Path.cwd()
-        values[where] = _beside(tree, Path.cwd()) if where in KEYS else tree
+        values[where] = beside(tree, Path.cwd()) if is_file(*where) else tree
     return build(values, torque_base=torque_base)
 
 
-def _beside(path: Tree, base: Path) -> Tree:
+def beside(path: Tree, base: Path) -> Tree:
     """Return the path of a file in a scenario, made absolute; what is no text stays."""
     if isinstance(path, Scalar) and isinstance(path.value, str):
         return tree_of(str(base / path.value))

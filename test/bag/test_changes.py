@@ -19,17 +19,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from bagtools import write_changed
 from flexarm_ros import scenario
 from flexarm_ros.bag.checks.compare import compare
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.tables.export import export
-from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.loop_blocks import loop_messages
 from flexarm_ros.wire.parameter_event import decode, encode
 from flexarm_ros.wire.topics import per_tick_topics, TIP
 import pytest
@@ -44,21 +43,6 @@ CHANGES = (
 )
 
 
-def write_bag(path: Path, config: RunConfig, late: bool = False) -> Path:
-    """Fly ``config`` with its changes and write the bag as the recorder node does."""
-    loop = ClosedLoop(config)
-    with BagWriter(path / 'bag', replace(config, changes=())) as writer:
-        for change in () if late else config.changes:
-            writer.write_change(change)
-        while (record := loop.tick()) is not None:
-            codecs = [topic.codec for topic in per_tick_topics(loop.config)]
-            for i, (stamp, values) in enumerate(loop_messages(loop, record)):
-                writer.write(i, record.k, codecs[i].encode(stamp, *values))
-        for change in config.changes if late else ():
-            writer.write_change(change)
-    return path
-
-
 @pytest.fixture(scope='module')
 def config() -> RunConfig:
     return replace(scenario.load('fls_tip', ['duration=0.15']), changes=CHANGES)
@@ -68,7 +52,7 @@ def config() -> RunConfig:
 def test_changes_are_read_back_and_the_run_verifies(
     tmp_path: Path, config: RunConfig, late: bool
 ) -> None:
-    path = write_bag(tmp_path, config, late)
+    path = write_changed(tmp_path, config, late)
     assert BagReader(path).config == config
     verdict = verify(path)
     assert verdict.same, (verdict.earliest, verdict.faults)
@@ -88,7 +72,7 @@ def test_a_run_without_a_change_differs_from_its_tick_on(config: RunConfig) -> N
 
 
 def test_covariance_follows_the_noise(tmp_path: Path, config: RunConfig) -> None:
-    reader = BagReader(write_bag(tmp_path, config))
+    reader = BagReader(write_changed(tmp_path, config))
     noisy = per_tick_topics(changed(config, CHANGES[1]))[TIP].codec
     ideal = per_tick_topics(config)[TIP].codec
     for tick, topic, data in reader.messages():
@@ -97,7 +81,7 @@ def test_covariance_follows_the_noise(tmp_path: Path, config: RunConfig) -> None
 
 
 def test_changes_survive_a_rescue(tmp_path: Path, config: RunConfig) -> None:
-    path = write_bag(tmp_path / 'run', config)
+    path = write_changed(tmp_path / 'run', config)
     file = path / 'bag' / 'bag_0.mcap'
     file.write_bytes(file.read_bytes()[:-200])  # the index is lost
     rescue = recover(path, tmp_path / 'new')
@@ -108,13 +92,13 @@ def test_changes_survive_a_rescue(tmp_path: Path, config: RunConfig) -> None:
 
 
 def test_changes_are_exported_and_compared(tmp_path: Path, config: RunConfig) -> None:
-    path = write_bag(tmp_path / 'a', config)
+    path = write_changed(tmp_path / 'a', config)
     export(path, tmp_path / 'tables', 'csv')
     lines = (tmp_path / 'tables' / 'changes.csv').read_text().splitlines()
     assert lines[:2] == ['tick,node,key,value', '40,controller,kp,80.0']
     assert len(lines) == 1 + len(CHANGES)
     assert len((tmp_path / 'tables' / 'trajectory.csv').read_text().splitlines()) == 151
-    plain = write_bag(tmp_path / 'b', replace(config, changes=()))
+    plain = write_changed(tmp_path / 'b', replace(config, changes=()))
     result = compare(path, plain)
     assert result.parameters == ['changed on the way: 6 and 0 times, not alike']
     assert not result.within
@@ -125,7 +109,7 @@ def test_changes_are_exported_and_compared(tmp_path: Path, config: RunConfig) ->
 def test_other_readers_see_them(tmp_path: Path, config: RunConfig) -> None:
     from rosbags.highlevel import AnyReader
 
-    with AnyReader([write_bag(tmp_path, config) / 'bag']) as bag:
+    with AnyReader([write_changed(tmp_path, config) / 'bag']) as bag:
         (connection,) = [c for c in bag.connections if c.topic == '/lockstep/changes']
         assert connection.msgcount == len(CHANGES)
         events = [

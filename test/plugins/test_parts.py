@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 import json
 from pathlib import Path
+import pickle
 import threading
 from typing import Any, ClassVar
 
@@ -27,8 +28,9 @@ from flexarm_ros import cli, scenario
 from flexarm_ros.bag.checks.digest import digest_of as digest
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.channel import ChannelParameters
 from flexarm_ros.core.parameters.sections import changed, RunConfig, with_section
-from flexarm_ros.core.parameters.spec import parameter
+from flexarm_ros.core.parameters.spec import parameter, specs
 from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
@@ -92,6 +94,18 @@ def test_its_measurement_has_its_gain_latency_and_noise(stranger: Path) -> None:
     assert flown(noisy)[0] == flown(noisy)[0]
 
 
+def test_its_channel_has_jitter_and_loss(stranger: Path) -> None:
+    settings = ['strain_probe.jitter=0.004', 'strain_probe.dropout=0.2', 'strain_probe.rate=500']
+    config = scenario.load('pd_tip', [*OVERRIDES, *settings])
+    assert pickle.loads(pickle.dumps(config)) == config  # as the workers of a sweep get it
+    loop, stamps = ClosedLoop(config), []
+    place = loop.answers.places[TOPIC]
+    while (record := loop.tick()) is not None:
+        stamps.append(record.messages[place][0])
+    assert stamps == sorted(stamps)
+    assert 0.1 < len(set(stamps)) / len(stamps) < 0.5
+
+
 def test_in_every_command_without_nodes(
     stranger: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,9 +114,10 @@ def test_in_every_command_without_nodes(
     out = tmp_path / 'run'
     assert cli.main(['simulate', *SCENARIO, '--no-pictures', '--out', str(out)]) == 0
     summary = json.loads((out / 'summary.json').read_text())
-    assert summary['scenario']['strain_probe'] == {
-        'gain': 0.02, 'latency': 0.0015, 'noise_std': 1e-4,
-    }  # fmt: skip
+    held = summary['scenario']['strain_probe']
+    own = {'gain': 0.02, 'latency': 0.0015, 'noise_std': 1e-4}
+    assert {key: held.pop(key) for key in own} == own
+    assert {'jitter', 'dropout', 'rate'} <= held.keys() < set(specs(ChannelParameters))
     header, *rows = (out / 'trajectory.csv').read_text().splitlines()
     assert header == ','.join((*COLUMNS, 'strain1', 'strain2'))
     reader = BagReader(out)

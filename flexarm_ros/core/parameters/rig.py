@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flexarm_ros.core.parameters.channel import ChannelParameters
 from flexarm_ros.core.parameters.spec import parameter as _key
 
 
 @dataclass(frozen=True)
-class ActuatorParameters:
-    """Section ``actuator``: the drives of both joints; ideal by default."""
+class ActuatorParameters(ChannelParameters):
+    """Section ``actuator``: the drives of both joints and the way of the command; ideal."""
 
     bandwidth: tuple[float, float] = _key(
         (0.0, 0.0), 'float2', 'Hz', 'bandwidth of the torque loop of each drive, a first-order '

@@ -28,6 +28,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.channel import ChannelParameters, LONGEST_S
 from flexarm_ros.core.parameters.planning import PlanningParameters
 from flexarm_ros.core.parameters.spec import parameter as _key
 from flexarm_ros.core.parameters.spec import Spec, specs
@@ -213,13 +214,9 @@ class PlantParameters:
 
 
 @dataclass(frozen=True)
-class EncoderParameters:
+class EncoderParameters(ChannelParameters):
     """Section ``encoder``: the joint encoders."""
 
-    latency: float = _key(
-        0.0, 'float', 's', 'age of a measurement at delivery', low=0.0, high=0.999999999,
-        whole_ns=True, live=True, paper='0',
-    )  # fmt: skip
     resolution: float = _key(
         0.0, 'float', 'rad', 'angle of one count; 0: ideal', low=0.0, high=1.0, live=True
     )
@@ -232,7 +229,7 @@ class EncoderParameters:
 
 
 @dataclass(frozen=True)
-class TipSensorParameters:
+class TipSensorParameters(ChannelParameters):
     """Section ``tip_sensor``: the position sensor on link 2."""
 
     location: float = _key(
@@ -250,7 +247,7 @@ class TipSensorParameters:
         choices=('rigid', 'elastic'),
     )  # fmt: skip
     latency: float = _key(
-        0.0, 'float', 's', 'age of a measurement at delivery', low=0.0, high=0.999999999,
+        0.0, 'float', 's', 'age of a measurement at delivery', low=0.0, high=LONGEST_S,
         whole_ns=True, live=True, paper='(18): 0.001238',
     )  # fmt: skip
     latency_model: str = _key(
@@ -260,10 +257,6 @@ class TipSensorParameters:
     noise_std: float = _key(
         0.0, 'float', 'm', 'standard deviation of the position noise', low=0.0, high=100.0,
         live=True,
-    )  # fmt: skip
-    rate: float = _key(
-        0.0, 'float', 'Hz', 'sample rate, an integer number of ticks per sample; 0: every tick',
-        low=0.0, high=1e9,
     )  # fmt: skip
 
 
@@ -346,6 +339,15 @@ class FeedbackParameters:
     torque_limit: float = _key(
         0.0, 'float', 'N m', 'torque limit of each joint; 0: none', low=0.0, high=1e9, live=True
     )
+    rate: float = _key(
+        0.0, 'float', 'Hz', 'rate at which the law is computed, an integer number of ticks per '
+        'torque, which is held in between; 0: every tick', low=0.0, high=1e9,
+    )  # fmt: skip
+    compute_delay: float = _key(
+        0.0, 'float', 's', 'time from the sample to the torque that is computed from it; the '
+        'torque changes at the first tick at or after that', low=0.0, high=LONGEST_S,
+        whole_ns=True,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from flexarm_ros.core.control.open_loop import check_torques
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.make_plant import check_substeps
 from flexarm_ros.core.run.parts import check_parts
-from flexarm_ros.core.sensing.sensors import check_location, ticks_per_sample
+from flexarm_ros.core.sensing.sensors import check_location
 from flexarm_ros.core.timeline import clock_ticks, named_ns, Timeline
 from flexarm_ros.core.trajectory import check_reachable, initial_angles
 
@@ -34,16 +34,10 @@ def check(config: RunConfig) -> None:
     Each value must be within its own :class:`Spec` already.
     """
     check_parts(config)
-    timeline = Timeline.of(config.run)
-    for key, seconds in (
-        ('encoder.latency', config.encoder.latency),
-        ('tip_sensor.latency', config.tip_sensor.latency),
-        ('trajectory.delay', config.trajectory.delay),
-    ):
-        named_ns(key, seconds)
+    Timeline.of(config.run)
+    named_ns('trajectory.delay', config.trajectory.delay)
     check_location(config)
     clock_ticks(config.run)
-    ticks_per_sample(config.tip_sensor.rate, timeline.period_ns)
     check_reachable(config)
     initial_angles(config)
     if config.controller.law == 'open_loop':

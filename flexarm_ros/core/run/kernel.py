@@ -268,9 +268,16 @@ class Kernel:
         known = tuple(map(type, answering)) == _PARTS and type(loop.plant) in _RUN
         if not known or type(loop.law) not in _LAWS or len(answering[1].sensors) > 1:
             return None
-        if answering[0].sensor.offset is not None:
+        encoder, tip = answering[0].sensor, answering[1].sensors[0]
+        if encoder.offset is not None or encoder.channel.every > 1:
             return None
-        return Kernel(loop, answering[0].sensor, answering[1].sensors[0], answering[2].reference)
+        if answering[3].every > 1 or answering[3].delay:
+            return None
+        # Samples with an arrival of their own, from the first tick or from a live change on.
+        changed = any(change.key in ('jitter', 'dropout') for change in loop.config.changes)
+        if changed or encoder.channel.scheduled or tip.channel.scheduled:
+            return None
+        return Kernel(loop, encoder, tip, answering[2].reference)
 
     def __init__(
         self, loop: ClosedLoop, encoder: Encoder, tip: TipSensor, reference: Reference

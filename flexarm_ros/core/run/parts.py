@@ -21,6 +21,7 @@ the table of topics, the roles of the launcher and of the command line, and the 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 import re
@@ -44,6 +45,7 @@ from flexarm_ros.core.run.rig_parts import (
     DisturbancePart,
     WRENCH,
 )
+from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
 from flexarm_ros.core.signals import (
     Clock,
     coordinate_names,
@@ -52,7 +54,7 @@ from flexarm_ros.core.signals import (
     PlanarPoint,
     Signal,
 )
-from flexarm_ros.core.timeline import clock_ticks
+from flexarm_ros.core.timeline import clock_ticks, named_ns, ticks_between, Timeline
 
 # A part's implementation is imported when the part is created: every command reads the list of
 # parts before it parses its arguments.
@@ -102,6 +104,16 @@ class EncoderPart(Answer):
         """Return the measured angles and rates."""
         return (Signal(JOINT_STATES, Joints()),)
 
+    @classmethod
+    def holds(cls, config: RunConfig) -> bool:
+        """Return whether a sample may be repeated: a rate, jitter or loss."""
+        return repeats(config.encoder)
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for keys of the channel that are invalid together."""
+        check_channel(cls.NAME, config.encoder, Timeline.of(config.run).period_ns)
+
     def __init__(self, config: RunConfig) -> None:
         from flexarm_ros.core.sensing.sensors import Encoder
 
@@ -114,8 +126,8 @@ class EncoderPart(Answer):
         return self._measure(k, state.positions, state.rates)
 
     def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a latency beyond the stored history."""
-        self.sensor.check_latency(config.encoder.latency)
+        """Raise ``ValueError`` for keys that the channel cannot take."""
+        self.sensor.channel.check(config.encoder)
 
 
 class TipSensorPart(Answer):
@@ -138,8 +150,13 @@ class TipSensorPart(Answer):
 
     @classmethod
     def holds(cls, config: RunConfig) -> bool:
-        """Return whether the rate is lower than that of the ticks."""
-        return config.tip_sensor.rate > 0.0
+        """Return whether a sample may be repeated: a rate, jitter or loss."""
+        return repeats(config.tip_sensor)
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for keys of the channel that are invalid together."""
+        check_channel(cls.NAME, config.tip_sensor, Timeline.of(config.run).period_ns)
 
     @classmethod
     def _signal(cls, config: RunConfig, suffix: str) -> Signal:
@@ -160,8 +177,8 @@ class TipSensorPart(Answer):
         return tuple([sensor.measure(k, q, qd) for sensor in self.sensors])
 
     def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a latency beyond the stored history."""
-        self.sensors[0].check_latency(config.tip_sensor.latency)
+        """Raise ``ValueError`` for keys that the channel cannot take."""
+        self.sensors[0].channel.check(config.tip_sensor)
 
     def retune(self, config: RunConfig) -> None:
         """Apply latency and noise to the sensors."""
@@ -199,11 +216,32 @@ class ControllerPart(Answer):
         """Return the torques."""
         return (Signal(COMMAND, Joints(fields=('effort',))),)
 
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for a rate or delay that does not fit the ticks, or the law."""
+        gains, period_ns = config.controller, Timeline.of(config.run).period_ns
+        named_ns('controller.compute_delay', gains.compute_delay)
+        every = ticks_between('controller.rate', gains.rate, period_ns)
+        if every > 1 and gains.law in ('passive', 'lqg', 'adaptive'):
+            raise ValueError(
+                f'controller.rate: {gains.rate!r} Hz, allowed with law {gains.law}, whose model '
+                'advances at every tick: 0'
+            )
+
     def __init__(self, config: RunConfig) -> None:
         from flexarm_ros.core.control import make_law, Sample, torque_fault
 
         self.law = make_law(config)
         self._torque, self._sample = self.law.torque, Sample
+        period_ns = Timeline.of(config.run).period_ns
+        self.every = ticks_between('controller.rate', config.controller.rate, period_ns)
+        """Ticks between torques."""
+        delay_ns = named_ns('controller.compute_delay', config.controller.compute_delay)
+        self.delay = -(-delay_ns // period_ns)
+        """Ticks from a sample to its torque."""
+        self._out, self._due = (0.0, 0.0), deque[tuple[int, tuple[float, float]]]()
+        if self.every > 1 or self.delay:
+            self.answer = self._answer_late  # type: ignore[method-assign, assignment]
         self.fault = torque_fault  # type: ignore[method-assign, assignment]
         self._law = config.controller.law
         self.retune = self.law.retune  # type: ignore[method-assign]
@@ -214,6 +252,14 @@ class ControllerPart(Answer):
             state.positions, state.rates, state.ends[:2], encoder, tip, reference
         )
         return self._torque(k, sample)
+
+    def _answer_late(self, k: int, *inputs: Any) -> tuple[float, float]:
+        """Return the newest torque that is due, N m; before the first one 0."""
+        if k % self.every == 0:
+            self._due.append((k + self.delay, ControllerPart.answer(self, k, *inputs)))
+        while self._due and self._due[0][0] <= k:
+            self._out = self._due.popleft()[1]
+        return self._out
 
     @property
     def title(self) -> str:

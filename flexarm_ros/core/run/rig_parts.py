@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 import math
 from typing import Any
@@ -23,6 +24,7 @@ from typing import Any
 from flexarm_ros.core.parameters.rig import ActuatorParameters, DisturbanceParameters
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.part import Answer, Column, COMMAND, STATE
+from flexarm_ros.core.sensing.channel_keys import check_channel
 from flexarm_ros.core.signals import JOINTS, Joints, PlanarForce, Signal
 from flexarm_ros.core.timeline import Timeline
 
@@ -33,8 +35,11 @@ class ActuatorPart(Answer):
     """
     The drives: from the commanded torque to that applied at the joints.
 
-    The command is rounded to the resolution, reduced by the efficiency and saturated: the set
-    point, which the torque approaches with the drive's bandwidth.  Backlash is the plant's.
+    The command reaches the drives through a channel; before the first one has arrived it is 0.
+    With one latency for all commands the drives have at each tick the mean, over the tick, of
+    the command as it arrives.  It is rounded to the resolution, reduced by the efficiency and
+    saturated: the set point, which the torque approaches with the drive's bandwidth.  Backlash
+    is the plant's.
     """
 
     NAME = 'actuator'
@@ -56,6 +61,7 @@ class ActuatorPart(Answer):
     def check(cls, config: RunConfig) -> None:
         """Raise ``ValueError`` for backlash of a drive without inertia, and out of lock-step."""
         drive, hubs = config.section(cls.NAME), config.plant.hub_inertia
+        check_channel(cls.NAME, drive, Timeline.of(config.run).period_ns)
         for joint, (gap, hub) in enumerate(zip(drive.backlash, hubs, strict=True)):
             if gap > 0.0 and hub == 0.0:
                 raise ValueError(
@@ -67,8 +73,13 @@ class ActuatorPart(Answer):
 
     def __init__(self, config: RunConfig) -> None:
         from flexarm_ros.core.numerics.elementary import exp
+        from flexarm_ros.core.sensing.channel import LatencyChannel
 
         self._drive: ActuatorParameters = config.section(self.NAME)
+        self._channel = LatencyChannel(
+            self.NAME, self._drive, Timeline.of(config.run), 2, config.run.seed, start=(0.0, 0.0)
+        )
+        self._command: Sequence[float] = (0.0, 0.0)
         period = Timeline.of(config.run).period
         self._falls = [
             exp(-2.0 * math.pi * hz * period) if hz > 0.0 else 0.0 for hz in self._drive.bandwidth
@@ -78,7 +89,10 @@ class ActuatorPart(Answer):
 
     def answer(self, k: int, command: tuple[float, float]) -> tuple[float, ...]:
         """Return the torques at t_k and the set points from there on, N m."""
-        points = self._set_point(command[0], 0), self._set_point(command[1], 1)
+        arrived = self._channel.step(k, command)
+        if arrived is not None:
+            self._command = arrived[1]
+        points = tuple(self._set_point(self._command[joint], joint) for joint in (0, 1))
         now = tuple(
             torque if lag else point
             for torque, point, lag in zip(self._torque, points, self._lag, strict=True)
@@ -89,6 +103,14 @@ class ActuatorPart(Answer):
         )
         self._torque = first, second
         return (*now, *points)
+
+    def check_live(self, config: RunConfig) -> None:
+        """Raise ``ValueError`` for keys that the channel cannot take."""
+        self._channel.check(config.section(self.NAME))
+
+    def retune(self, config: RunConfig) -> None:
+        """Take latency, jitter and loss from the next tick on."""
+        self._channel.retune(config.section(self.NAME))
 
     def _set_point(self, command: float, joint: int) -> float:
         drive = self._drive

@@ -12,22 +12,43 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The way of a sensor's samples to the receiver, the same for every sensor."""
+"""
+Transport of samples from a sensor to its receiver, the same for every sensor, and of commands.
+
+A sample is measured at a tick, less the fraction of a tick in the latency, and arrives a latency
+later.  The receiver then has the newest sample that has arrived, and holds it until a newer one
+arrives.  With one latency for all and no loss (`ChannelParameters.scheduled` is false) that is the
+value at t_k - latency at each tick, linear between ticks: a delay line.  Otherwise
+`flexarm_ros.core.sensing.schedule` gives the arrival of each sample, and once it has been used the
+run continues with it, so that samples under way arrive when they would have.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, TYPE_CHECKING
 
-from flexarm_ros.core.sensing.delay import BufferDelay, CHANNELS
-from flexarm_ros.core.timeline import named_ns, T0_NS, Timeline
+from flexarm_ros.core.parameters.channel import ChannelParameters
+from flexarm_ros.core.sensing.channel_keys import check_loss
+from flexarm_ros.core.sensing.delay import BufferDelay, CHANNELS, Line, PadeDelay
+from flexarm_ros.core.timeline import named_ns, T0_NS, ticks_between, Timeline
+
+if TYPE_CHECKING:
+    from flexarm_ros.core.sensing.schedule import Schedule
+
+Arrived = tuple[int, Sequence[float]]
+"""Stamp of the measurement, ns, and values."""
 
 
 class Channel(Protocol):
-    """The way of a sample from its measurement to the receiver; it has memory."""
+    """The transport of a sample from its measurement to the receiver; it has memory."""
 
-    def step(self, k: int, sample: Sequence[float]) -> tuple[int, list[float]]:
-        """Take the sample of tick ``k``; return stamp (ns) and values that the receiver has."""
+    def step(self, k: int, sample: Sequence[float]) -> Arrived | None:
+        """
+        Take the sample of tick ``k``; return what the receiver has new, None if nothing.
+
+        At tick 0 it is never None.
+        """
 
     def check(self, parameters: Any) -> None:
         """Raise ``ValueError`` for live parameters that cannot be taken during a run."""
@@ -38,41 +59,137 @@ class Channel(Protocol):
 
 class LatencyChannel:
     """
-    A constant latency, the key ``latency`` of the sensor's section, s.
+    The channel of the keys `ChannelParameters` in section ``name``.
 
-    The sample at tick k is the value at t_k - latency, linear between ticks, stamped with that
-    time.  Without the key there is no latency.
+    ``width``: values per sample; ``number``: of several senders of one section; ``model``: of the
+    latency, as ``tip_sensor.latency_model``; ``start``: what the receiver has before the first
+    arrival, left out: the sample of tick 0.
     """
 
-    def __init__(self, name: str, parameters: Any, timeline: Timeline, width: int) -> None:
-        self._key, self._period_ns = f'{name}.latency', timeline.period_ns
-        self._ns = self._wanted(parameters)
-        lines = -(-width // CHANNELS)
-        self._lines = [BufferDelay(timeline.period_ns, self._ns) for _ in range(lines)]
-        self._width, self._padding = width, (0.0,) * (lines * CHANNELS - width)
+    def __init__(
+        self, name: str, parameters: ChannelParameters, timeline: Timeline, width: int,
+        seed: int = 0, model: str = 'buffer', number: int = 0,
+        start: tuple[float, ...] | None = None,
+    ) -> None:  # fmt: skip
+        self._name, self._period_ns, self._model = name, timeline.period_ns, model
+        self._identity = seed, f'{name}{number or ""}'
+        self.ns = self._wanted(parameters)
+        """The latency, ns."""
+        self.every = ticks_between(f'{name}.rate', parameters.rate, timeline.period_ns)
+        """Ticks between samples."""
+        count = -(-width // CHANNELS)
+        kind: type[PadeDelay | BufferDelay] = PadeDelay if model == 'pade2' else BufferDelay
+        self._lines = [kind(timeline.period_ns, self.ns) for _ in range(count)]
+        self._width, self._padding = width, (0.0,) * (count * CHANNELS - width)
+        self._start, self._shift = start, 0
+        if start is not None:
+            self._through(0, start)
+            self._shift = 1
+        self._schedule: Schedule | None = None
+        self._newest = -1
+        """Tick of the newest sample that has arrived."""
+        self._delay_ns: int | None = None
+        """The latency of the samples under way when the schedule comes into use."""
+        self._way: dict[int, tuple[int, int, Sequence[float]]] = {}
+        """Tick of arrival -> newest sample that arrives then: tick, stamp, values."""
+        self.retune(parameters)
 
-    def _wanted(self, parameters: Any) -> int:
-        return named_ns(self._key, getattr(parameters, 'latency', 0.0))
+    @property
+    def scheduled(self) -> bool:
+        """Whether each sample has an arrival of its own."""
+        return self._schedule is not None
 
-    def check(self, parameters: Any) -> None:
-        """Raise ``ValueError`` for a latency beyond the history that is kept."""
-        most_ns = self._lines[0].most_ns
-        if self._wanted(parameters) > most_ns:
+    def _wanted(self, parameters: ChannelParameters) -> int:
+        return named_ns(f'{self._name}.latency', parameters.latency)
+
+    def check(self, parameters: ChannelParameters) -> None:
+        """Raise ``ValueError`` for a latency beyond the history, or an impossible loss."""
+        most_ns, wanted_ns = self._lines[0].most_ns, self._wanted(parameters)
+        if wanted_ns < 0:
+            raise ValueError(f'{self._name}.latency: {wanted_ns} ns, must be 0 or more')
+        if wanted_ns > most_ns:
             raise ValueError(
-                f'{self._key}: {parameters.latency!r} s is beyond the {most_ns * 1e-9:g} s of '
-                'history that this run keeps'
+                f'{self._name}.latency: {parameters.latency!r} s is beyond the '
+                f'{most_ns * 1e-9:g} s of history that this run keeps'
             )
+        check_loss(self._name, parameters, self._model)
 
-    def retune(self, parameters: Any) -> None:
-        """Take the latency from the next tick on."""
+    def retune(self, parameters: ChannelParameters) -> None:
+        """Take latency, jitter and loss from the next tick on; ``ValueError`` as `check`."""
         self.check(parameters)
-        self._ns = self._wanted(parameters)
-        for line in self._lines:
-            line.set_latency_ns(self._ns)
+        before, self.ns = self.ns, self._wanted(parameters)
+        if parameters.scheduled and self._schedule is None:
+            from flexarm_ros.core.sensing.schedule import Schedule
 
-    def step(self, k: int, sample: Sequence[float]) -> tuple[int, list[float]]:
-        """Take the sample of tick ``k``; return stamp (ns) and values as delivered."""
+            self._schedule = Schedule(*self._identity, parameters, self._period_ns)
+            self._delay_ns = before
+        if self._schedule is not None:
+            self._schedule.retune(parameters)
+            self._whole, self._part_ns = divmod(self.ns, self._period_ns)
+            if parameters.latencies is not None:
+                self._whole = self._part_ns = 0
+        for line in self._lines:
+            line.set_latency_ns(self.ns if self._schedule is None else self._part_ns)
+
+    def record(self) -> Line:
+        """Return the line of the first four values for compiled code."""
+        return self._lines[0].record()
+
+    def step(self, k: int, sample: Sequence[float]) -> Arrived | None:
+        """Take the sample of tick ``k``; return stamp (ns) and values if newly delivered."""
+        if self._schedule is not None:
+            return self._scheduled_step(k, sample, self._schedule)
+        values = self._through(k + self._shift, sample)
+        return None if k % self.every else (T0_NS + k * self._period_ns - self.ns, values)
+
+    def _through(self, k: int, sample: Sequence[float]) -> Sequence[float]:
+        """Return the sample as it comes out of the lines."""
+        if self._width == CHANNELS:
+            return self._lines[0].step(k, *sample)
         padded, found = (*sample, *self._padding), list[float]()
         for i, line in enumerate(self._lines):
             found += line.step(k, *padded[i * CHANNELS : (i + 1) * CHANNELS])
-        return T0_NS + k * self._period_ns - self._ns, found[: self._width]
+        return found[: self._width]
+
+    def _scheduled_step(
+        self, k: int, sample: Sequence[float], schedule: Schedule
+    ) -> Arrived | None:
+        if self._delay_ns is not None:
+            self._continue(k, self._delay_ns)
+            self._delay_ns = None
+        values = self._through(k + self._shift, sample)
+        taken = T0_NS + k * self._period_ns - self._part_ns, values
+        # As without jitter, samples are due at the receiver at every n-th tick.
+        if (k + self._whole) % self.every == 0:
+            arrival = schedule.send(k, self._part_ns)
+            if arrival is not None:
+                self._way[arrival] = (k, *taken)
+        arrived = self._way.pop(k, None)
+        if arrived is not None and arrived[0] > self._newest:
+            self._newest = arrived[0]
+            return arrived[1:]
+        if k > 0:
+            return None
+        if self._start is not None:
+            return T0_NS, self._start
+        self._newest = 0
+        return taken
+
+    def _continue(self, k: int, latency_ns: int) -> None:
+        """Note the samples that are under way before tick ``k``, with one latency for all."""
+        if k == 0:
+            return
+        whole = latency_ns // self._period_ns
+        self._newest = (k - 1) // self.every * self.every - whole
+        part = latency_ns % self._period_ns / self._period_ns
+        for due in range(k, k + whole):
+            if due % self.every == 0:
+                sent = due - whole
+                found = [
+                    value
+                    for line in self._lines
+                    if isinstance(line, BufferDelay)
+                    for value in line.stored(sent + self._shift, part)
+                ]
+                stamp = T0_NS + due * self._period_ns - latency_ns
+                self._way[due] = (sent, stamp, found[: self._width])

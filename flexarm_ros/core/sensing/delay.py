@@ -99,6 +99,13 @@ class BufferDelay:
         result: Sample4 = through_ring(self._ring, k, self._whole, self._part, a, b, c, d)
         return result
 
+    def stored(self, k: int, part: float) -> list[float]:
+        """Return the stored sample of ``part`` of a tick before tick ``k``."""
+        newer, older = (self._ring[max(at, 0) % self._capacity] for at in (k, k - 1))
+        sample = newer if part == 0.0 else (1.0 - part) * newer + part * older
+        found: list[float] = sample.tolist()
+        return found
+
     def record(self) -> Line:
         """Return the line for compiled code, at the latency of this tick."""
         return Line(self._ring, self._whole, self._part, _NO_STATE, _NO_MATRICES, False)

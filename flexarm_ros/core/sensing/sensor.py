@@ -24,9 +24,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, TYPE_CHECKING
 
+from flexarm_ros.core.parameters.channel import with_channel
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.part import Answer, STATE
-from flexarm_ros.core.timeline import named_ns, Timeline
+from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
+from flexarm_ros.core.timeline import Timeline
 
 # What a sensor computes with is imported when it is made: declarations are read by each command.
 if TYPE_CHECKING:
@@ -37,14 +39,22 @@ class Sensor(Answer):
     """
     A part that measures at each tick; its first signal has the values of `sample`, in order.
 
+    Its section has the keys of `flexarm_ros.core.parameters.channel.ChannelParameters` beside its
+    own.
+
     ``parameters`` is its section; ``noise`` gives normal numbers, seeded by ``seed`` and the name.
     """
 
     READS: ClassVar[tuple[str, ...]] = (STATE,)
     LATE = True
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if cls.Parameters is not None:
+            cls.Parameters = with_channel(cls.Parameters)
+
     def __init__(self, config: RunConfig) -> None:
-        from flexarm_ros.core.sensing.sensors import Noise
+        from flexarm_ros.core.sensing.noise import Noise
 
         self.parameters: Any = config.section(self.NAME)
         self.noise = Noise(config.run.seed, self.NAME)
@@ -52,28 +62,41 @@ class Sensor(Answer):
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a latency that is not a whole number of nanoseconds."""
-        named_ns(f'{cls.NAME}.latency', getattr(config.section(cls.NAME), 'latency', 0.0))
+        """Raise ``ValueError`` for keys of the channel that are invalid together."""
+        check_channel(cls.NAME, config.section(cls.NAME), Timeline.of(config.run).period_ns)
+
+    @classmethod
+    def holds(cls, config: RunConfig) -> bool:
+        """Return whether a sample may be repeated: a rate, jitter or loss."""
+        return repeats(config.section(cls.NAME))
 
     def make_channel(self, config: RunConfig) -> Channel:
-        """Return what delivers the samples: a latency, if the section has that key."""
+        """Return what delivers the samples, by the keys of `ChannelParameters`."""
         from flexarm_ros.core.sensing.channel import LatencyChannel
 
         width = self.signals(config)[0].content.width
-        return LatencyChannel(self.NAME, self.parameters, Timeline.of(config.run), width)
+        timeline = Timeline.of(config.run)
+        return LatencyChannel(self.NAME, self.parameters, timeline, width, config.run.seed)
 
     def sample(self, k: int, *inputs: Any) -> Sequence[float]:
         """Return the exact values of tick ``k``, from those of `reads`."""
         raise NotImplementedError
 
     def read(self, values: list[float]) -> Sequence[float]:
-        """Return what the instrument shows for exact ``values``: noise, resolution, a gain."""
+        """
+        Return what the instrument shows for exact ``values``: noise, resolution, a gain.
+
+        Called once for each sample that arrives; with memory of every tick (a filter): `sample`.
+        """
         return values
 
     def answer(self, k: int, *inputs: Any) -> Any:
-        """Return stamp, ns, and the values as delivered at tick ``k``."""
-        stamp, values = self.channel.step(k, self.sample(k, *inputs))
-        return (stamp, *self.read(values))
+        """Return stamp, ns, and the values that the receiver has at tick ``k``."""
+        arrived = self.channel.step(k, self.sample(k, *inputs))
+        if arrived is not None:
+            stamp, values = arrived
+            self._held = (stamp, *self.read(list(values)))
+        return self._held
 
     def check_live(self, config: RunConfig) -> None:
         """Raise ``ValueError`` for live parameters that the channel cannot take."""

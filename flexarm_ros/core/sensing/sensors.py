@@ -20,79 +20,27 @@ measurement.  Noise and quantisation belong to that reading, so they are applied
 value.  They act on positions; rates count as separate ideal measurements (differencing the angles
 would give noise of sqrt(2) noise_std / tick on them).
 
-Noise is computed from the bits of numpy's PCG64, seeded by ``seed`` and the sensor's name, so it
-is the same in every process layout.  NumPy keeps the bit sequence between versions, but not its
-normal numbers, which also depend on the C library's logarithm.
+Samples travel through a channel (`flexarm_ros.core.sensing.channel`), which may delay, lose and
+hold them; a reading that is held keeps its noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Decimal
-import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
-from flexarm_ros.core.numerics.elementary import log
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.sensing.delay import BufferDelay, Line, PadeDelay, Sample4
-from flexarm_ros.core.timeline import named_ns, T0_NS, ticks_between, Timeline
+from flexarm_ros.core.sensing.channel import LatencyChannel
+from flexarm_ros.core.sensing.delay import Line
+from flexarm_ros.core.sensing.noise import Noise
+from flexarm_ros.core.timeline import ticks_between, Timeline
 import numpy as np
 
 Values = Sequence[float] | FloatArray
 Measurement = tuple[int, float, float, float, float]
-
-_BLOCK = 512
-
-
-class Noise:
-    """Pairs of independent standard normal numbers, drawn in order."""
-
-    def __init__(self, seed: int, name: str) -> None:
-        sequence = np.random.SeedSequence(seed, spawn_key=tuple(name.encode()))
-        self._bits = np.random.PCG64(sequence)
-        self._block: list[list[float]] = []
-
-    def pair(self) -> tuple[float, float]:
-        """Return the next two numbers of the sequence."""
-        while not self._block:
-            self._block = self._next_block()[::-1].tolist()
-        first, second = self._block.pop()
-        return first, second
-
-    def pairs(self, count: int) -> FloatArray:
-        """Return the numbers of ``count`` calls of `pair`, shape ``(count, 2)``."""
-        blocks = [np.array(self._block[::-1]).reshape(-1, 2)]
-        while len(drawn := np.concatenate(blocks)) < count:
-            blocks.append(self._next_block())
-        self._block = drawn[count:][::-1].tolist()
-        return drawn[:count]
-
-    def _next_block(self) -> FloatArray:
-        bits = self._bits.random_raw((_BLOCK, 2))
-        # The upper 53 bits as a number from -1 to 1, exactly.
-        points: FloatArray = (bits >> np.uint64(11)).astype(float) * 2.0**-52 - 1.0
-        return points[: make_normal(points)]
-
-
-@compiled
-def make_normal(points: FloatArray) -> int:
-    """
-    Replace ``points`` ``(n, 2)`` of the square from -1 to 1 by pairs of normal numbers.
-
-    Each point within the unit circle gives a pair (Marsaglia's polar method);
-    the pairs come first in ``points``, in order.  Returns their number.
-    """
-    count = 0
-    for i in range(points.shape[0]):
-        x, y = points[i, 0], points[i, 1]
-        square = x * x + y * y
-        if 0.0 < square < 1.0:
-            factor = math.sqrt(-2.0 * log(square) / square)
-            points[count, 0], points[count, 1] = x * factor, y * factor
-            count += 1
-    return count
 
 
 class Readout(NamedTuple):
@@ -134,65 +82,26 @@ def _counted(angle: float, resolution: float) -> float:
     return angle
 
 
-class _Latency:
-    """A delay line and its latency; stamps are t0 + t_k - latency."""
-
-    def __init__(self, node: str, seconds: float, period_ns: int, model: str) -> None:
-        self._key = f'{node}.latency'
-        self.ns = named_ns(self._key, seconds)
-        self._period_ns = period_ns
-        self._line: BufferDelay | PadeDelay
-        if model == 'pade2':
-            self._line = PadeDelay(period_ns, self.ns)
-        else:
-            self._line = BufferDelay(period_ns, self.ns)
-
-    def check_seconds(self, seconds: float) -> None:
-        latency_ns = named_ns(self._key, seconds)
-        if latency_ns > self._line.most_ns:
-            raise ValueError(
-                f'{self._key}: {seconds!r} s is beyond the {self._line.most_ns * 1e-9:g} s of '
-                'history that this run keeps'
-            )
-
-    def set_seconds(self, seconds: float) -> None:
-        latency_ns = named_ns(self._key, seconds)
-        if latency_ns != self.ns:
-            try:
-                self._line.set_latency_ns(latency_ns)
-            except ValueError as error:
-                raise ValueError(f'{self._key}: {error}') from None
-            self.ns = latency_ns
-
-    def record(self) -> Line:
-        return self._line.record()
-
-    def step(self, k: int, a: float, b: float, c: float, d: float) -> tuple[int, Sample4]:
-        return T0_NS + k * self._period_ns - self.ns, self._line.step(k, a, b, c, d)
-
-
 class Encoder:
     """The joint encoders: angles (rad) and rates (rad/s) of theta1 and theta2."""
 
     def __init__(self, config: RunConfig) -> None:
         parameters = config.encoder
-        period_ns = Timeline.of(config.run).period_ns
-        self._latency = _Latency('encoder', parameters.latency, period_ns, 'buffer')
+        self.channel = LatencyChannel(
+            'encoder', parameters, Timeline.of(config.run), 4, config.run.seed
+        )
         self.noise = Noise(config.run.seed, 'encoder')
         self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
         self.offset = parameters.offset if any(parameters.offset) else None
-
-    def check_latency(self, seconds: float) -> None:
-        """Raise ``ValueError`` for a latency that cannot be set during a run."""
-        self._latency.check_seconds(seconds)
+        self.held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
 
     def retune(self, config: RunConfig) -> None:
         """
         Use the live parameters of ``config`` from the next tick on.
 
-        Raises ``ValueError`` for a latency longer than the history kept.
+        Raises ``ValueError`` for those that the channel cannot take.
         """
-        self._latency.set_seconds(config.encoder.latency)
+        self.channel.retune(config.encoder)
         self.resolution, self.noise_std = config.encoder.resolution, config.encoder.noise_std
 
     def measure(self, k: int, q: Values, qd: Values) -> Measurement:
@@ -201,20 +110,22 @@ class Encoder:
 
         Call once per tick, in order, with the plant's state of that tick.
         """
-        stamp, (a, b, c, d) = self._latency.step(
-            k, float(q[0]), float(q[1]), float(qd[0]), float(qd[1])
-        )
+        arrived = self.channel.step(k, (float(q[0]), float(q[1]), float(qd[0]), float(qd[1])))
+        if arrived is None:
+            return self.held
+        stamp, (a, b, c, d) = arrived
         if self.noise_std > 0.0 or self.resolution > 0.0:
             pair = self.noise.pair() if self.noise_std > 0.0 else (0.0, 0.0)
             a, b = read_out(a, b, self.noise_std, *pair, self.resolution)
         if self.offset is not None:
             a, b = a + self.offset[0], b + self.offset[1]
-        return stamp, a, b, c, d
+        self.held = (stamp, a, b, c, d)
+        return self.held
 
     def record(self) -> Readout:
         """Return the sensor for compiled code, with the parameters of this tick."""
-        latency = self._latency
-        return Readout(latency.ns, latency.record(), 1, self.noise_std, self.resolution)
+        channel = self.channel
+        return Readout(channel.ns, channel.record(), 1, self.noise_std, self.resolution)
 
 
 class TipSensor:
@@ -229,29 +140,25 @@ class TipSensor:
     """
 
     def __init__(self, config: RunConfig, number: int = 0) -> None:
-        parameters, timeline = config.tip_sensor, Timeline.of(config.run)
+        parameters = config.tip_sensor
         check_location(config)
         places = (parameters.location, *(parameters.more_locations or ()))
         self.point = make_point(config.plant, places[number], parameters.measurand == 'elastic')
-        self._latency = _Latency(
-            'tip_sensor', parameters.latency, timeline.period_ns, parameters.latency_model
-        )
+        self.channel = LatencyChannel(
+            'tip_sensor', parameters, Timeline.of(config.run), 4, config.run.seed,
+            model=parameters.latency_model, number=number,
+        )  # fmt: skip
         self.noise = Noise(config.run.seed, f'tip_sensor{number or ""}')
-        self._every = ticks_per_sample(parameters.rate, timeline.period_ns)
         self.noise_std = parameters.noise_std
         self.held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
-
-    def check_latency(self, seconds: float) -> None:
-        """Raise ``ValueError`` for a latency that cannot be set during a run."""
-        self._latency.check_seconds(seconds)
 
     def retune(self, config: RunConfig) -> None:
         """
         Use the live parameters of ``config`` from the next tick on.
 
-        Raises ``ValueError`` for a latency longer than the history kept.
+        Raises ``ValueError`` for those that the channel cannot take.
         """
-        self._latency.set_seconds(config.tip_sensor.latency)
+        self.channel.retune(config.tip_sensor)
         self.noise_std = config.tip_sensor.noise_std
 
     def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
@@ -260,8 +167,9 @@ class TipSensor:
 
         Call once per tick, in order, with the plant's state of that tick.
         """
-        stamp, (x, y, vx, vy) = self._latency.step(k, *self.point(q, qd))
-        if k % self._every == 0:
+        arrived = self.channel.step(k, self.point(q, qd))
+        if arrived is not None:
+            stamp, (x, y, vx, vy) = arrived
             if self.noise_std > 0.0:
                 x, y = read_out(x, y, self.noise_std, *self.noise.pair(), 0.0)
             self.held = (stamp, x, y, vx, vy)
@@ -269,8 +177,8 @@ class TipSensor:
 
     def record(self) -> Readout:
         """Return the sensor for compiled code, with the parameters of this tick."""
-        latency = self._latency
-        return Readout(latency.ns, latency.record(), self._every, self.noise_std, 0.0)
+        channel = self.channel
+        return Readout(channel.ns, channel.record(), channel.every, self.noise_std, 0.0)
 
 
 def further_sensors(config: RunConfig) -> tuple[TipSensor, ...]:

@@ -177,6 +177,20 @@ def test_what_the_kernel_does_not_know_runs_tick_by_tick() -> None:
     assert sum(len(block) for block in loop_blocks(ClosedLoop(of))) == 250
 
 
+@pytest.mark.parametrize(
+    'setting',
+    ['encoder.jitter=1e-3', 'tip_sensor.dropout=0.1', 'encoder.rate=500', 'controller.rate=500',
+     'controller.compute_delay=1e-3', 'encoder.latencies=[0.001]'],
+)  # fmt: skip
+def test_channels_and_rates_run_tick_by_tick(setting: str) -> None:
+    assert Kernel.of(ClosedLoop(config('fls_tip', setting))) is None
+
+
+def test_a_channel_that_changes_on_the_way_runs_tick_by_tick() -> None:
+    change = Change(30, 'tip_sensor', 'jitter', 0.001)
+    assert Kernel.of(ClosedLoop(config('fls_tip', changes=[change]))) is None
+
+
 def test_a_subclass_of_a_known_part_runs_tick_by_tick() -> None:
     loop = ClosedLoop(config('fls_tip'))
     assert Kernel.of(loop) is not None
@@ -203,7 +217,7 @@ def other_values(spec: Spec, default: object) -> list[str]:
 ALL_KEYS = [(section, key) for section in SECTIONS for key in keys(section)]
 TOGETHER = {
     *('waypoint_times', 'waypoint_x', 'waypoint_y', 'torque_file', 'force_file', 'force_times'),
-    *('force_x', 'force_y', 'payload_file', 'payload_times', 'payload_masses'),
+    *('force_x', 'force_y', 'payload_file', 'payload_times', 'payload_masses', 'latency_file'),
 }
 """Keys that mean nothing alone; `FEATURES` has them."""
 

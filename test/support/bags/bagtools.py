@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -26,7 +27,8 @@ from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.loop_blocks import loop_blocks
+from flexarm_ros.core.run.loop_blocks import loop_blocks, loop_messages
+from flexarm_ros.wire.topics import per_tick_topics
 
 OPEN_LOOP = ((0.0, 1.0, -2.0), (0.1, 3.5, 0.25), (0.2, -1.0, 1e-3))
 
@@ -71,3 +73,18 @@ def read_all(path: Path) -> int:
         return -1
     assert reader.damage is None or '\n' not in str(reader.damage)
     return count
+
+
+def write_changed(path: Path, config: RunConfig, late: bool = False) -> Path:
+    """Fly ``config`` with its changes and write the bag as the recorder node does."""
+    loop = ClosedLoop(config)
+    with BagWriter(path / 'bag', replace(config, changes=())) as writer:
+        for change in () if late else config.changes:
+            writer.write_change(change)
+        while (record := loop.tick()) is not None:
+            codecs = [topic.codec for topic in per_tick_topics(loop.config)]
+            for i, (stamp, values) in enumerate(loop_messages(loop, record)):
+                writer.write(i, record.k, codecs[i].encode(stamp, *values))
+        for change in config.changes if late else ():
+            writer.write_change(change)
+    return path
