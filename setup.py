@@ -49,7 +49,6 @@ def shared_files():
         (share, ['package.xml']),
         (f'{share}/config', files('config/*')),
         (f'{share}/config/rosbag2', files('config/rosbag2/*')),
-        (f'{share}/config/rigs', files('config/rigs/*')),
         (f'{share}/launch', files('launch/*.py')),
         # The executables that `ros2 run` lists. They are data files rather than console scripts
         # because pip puts console scripts into bin only, and `ros2 run` does not look there.

@@ -26,6 +26,7 @@ import re
 from typing import Any
 
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.identification.setting import GAUGE
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 import numpy as np
 
@@ -259,9 +260,10 @@ def _hint(notes: list[str]) -> str:
 
 def read_run(path: Path) -> Recording:
     """
-    Read a run or a bag: joint angles, torques, end deflections (as ``strain``, m), tip.
+    Read a run or a bag: joint angles, torques, strains, tip.
 
-    The columns are those of ``trajectory.csv``.
+    The columns are those of ``trajectory.csv``; strains are the readings of the strain gauges, or,
+    in a run without them, the true end deflections, m.
     """
     from flexarm_ros.analysis.report.runs import load_run, RunError
 
@@ -270,11 +272,13 @@ def read_run(path: Path) -> Recording:
     except RunError as error:
         raise ScenarioError(str(error)) from None
     columns = run.columns
+    gauge = run.scenario.get(GAUGE)
+    strain, kind = ('delta', 'end') if gauge is None else ('strain', str(gauge['output']))
     names = {
         **{f'theta{n}': f'theta{n}' for n in (1, 2)},
         **{f'theta{n}_rate': f'dtheta{n}' for n in (1, 2)},
         **{f'tau{n}': f'tau{n}' for n in (1, 2)},
-        **{f'strain{n}': f'delta{n}' for n in (1, 2)},
+        **{f'strain{n}': f'{strain}{n}' for n in (1, 2)},
         **{f'tip_{axis}': f'tip_{axis}' for axis in 'xy'},
     }
     whole = np.isfinite(np.stack([columns[column] for column in names.values()])).all(axis=0)
@@ -283,7 +287,7 @@ def read_run(path: Path) -> Recording:
         raise ScenarioError(f'{path}: {rows} whole ticks; at least {LEAST_ROWS} are needed')
     used = {'t': columns['t'][:rows]}
     used.update({channel: columns[column][:rows] for channel, column in names.items()})
-    units = {f'strain{number}': 'end' for number in (1, 2)}
+    units = {f'strain{number}': kind for number in (1, 2)}
     return _even(clip(str(path), PATH_WIDTH), used, units, [])
 
 

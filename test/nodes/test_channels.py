@@ -24,7 +24,7 @@ from bagtools import write_changed
 from flexarm_ros import scenario
 from flexarm_ros.bag.checks.digest import digest_of
 from flexarm_ros.bag.checks.verify import verify
-from flexarm_ros.bag.reader import BagReader
+from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.run.kernel import Kernel

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sections of optional parts beside sensors: the joints' drives and disturbances."""
+"""Sections of optional parts: strain gauges, the joints' drives, disturbances."""
 
 from __future__ import annotations
 
@@ -20,6 +20,46 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.parameters.channel import ChannelParameters
 from flexarm_ros.core.parameters.spec import parameter as _key
+
+
+@dataclass(frozen=True)
+class StrainGaugeParameters(ChannelParameters):
+    """Section ``strain_gauge``: the strain gauge on each link."""
+
+    location: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'm', 'location on the flexible part of each link, from its root',
+        low=0.0, high=1e4,
+    )  # fmt: skip
+    output: str = _key(
+        'strain', 'str', '', 'strain: curvature of the link at the gauge, 1/m; deflection: end '
+        'deflection, m, of a link that an end force bends to that curvature; angle: that '
+        'deflection per length of the link, rad; each times gain',
+        choices=('strain', 'deflection', 'angle'),
+    )  # fmt: skip
+    gain: tuple[float, float] = _key(
+        (1.0, 1.0), 'float2', '', 'gain of each gauge; for a surface strain, the distance of the '
+        'surface from the neutral axis, m', low=-1e6, high=1e6,
+    )  # fmt: skip
+    offset: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', '', 'reading of each gauge for a straight link, in the unit of '
+        'output', low=-1e4, high=1e4,
+    )  # fmt: skip
+    offset_slope: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', '1/rad', 'change of the offset per angle of the joint of the link',
+        low=-1e4, high=1e4,
+    )  # fmt: skip
+    filter_cutoff: tuple[float, float] = _key(
+        (0.0, 0.0), 'float2', 'Hz', 'natural frequency of the second-order low-pass; 0: none',
+        low=0.0, high=1e6,
+    )  # fmt: skip
+    filter_damping: tuple[float, float] = _key(
+        (0.7, 0.7), 'float2', '', 'damping ratio of the low-pass', low=0.0, low_open=True,
+        high=100.0,
+    )  # fmt: skip
+    noise_std: float = _key(
+        0.0, 'float', '', 'standard deviation of the noise of each gauge, after the low-pass, in '
+        'the unit of output', low=0.0, high=1e6, live=True,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ from flexarm_ros.core.run.rig_parts import (
     WRENCH,
 )
 from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
+from flexarm_ros.core.sensing.strain_gauge import StrainGaugePart
 from flexarm_ros.core.signals import (
     Clock,
     coordinate_names,
@@ -278,8 +279,8 @@ class RecorderPart(Part):
 _TOPIC = re.compile(r'/?[A-Za-z]\w*(/[A-Za-z]\w*)*', re.ASCII)
 
 PARTS: tuple[type[Part], ...] = (
-    PlantPart, EncoderPart, TipSensorPart, TrajectoryPart, ControllerPart, ActuatorPart,
-    DisturbancePart, RecorderPart,
+    PlantPart, EncoderPart, TipSensorPart, StrainGaugePart, TrajectoryPart, ControllerPart,
+    ActuatorPart, DisturbancePart, RecorderPart,
 )  # fmt: skip
 """This package's parts, in the order in which a tick's data flow."""
 

@@ -184,9 +184,18 @@ def pade2_matrices(ratio: float) -> FloatArray:
     sine, cosine = sincos(omega * ratio)
     cosine, sine = fall * cosine, fall * sine / omega
     free = np.array([[cosine + 3.0 * sine, sine], [-12.0 * sine, cosine - 3.0 * sine]])
-    # A ramp input u = u0 + g t is followed by z1 = u - g / 2, z2 = g; the
-    # difference from it decays as a free motion.
-    lag = np.array([-0.5, 1.0]) / ratio
+    # A ramp input u = u0 + g t is followed by z1 = u - g / 2, z2 = g.
+    return ramp_invariant(free, np.array([-0.5, 1.0]) / ratio)
+
+
+def ramp_invariant(free: FloatArray, lag: FloatArray) -> FloatArray:
+    """
+    Return the step of two states for an input u that is linear over a step, shape ``(2, 4)``.
+
+    ``free`` (2, 2): the step without input.  ``lag`` (2,): what both states are, beside (u, 0),
+    on a ramp that rises by 1 a step; the difference from it decays as a free motion.  Columns:
+    both states, the input at the step's start and end.
+    """
     matrix = np.zeros((2, 4))
     matrix[:, :2] = free
     start = free[:, 0] * -1.0 + (free[:, 0] * lag[0] + free[:, 1] * lag[1])

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 import math
 
 from flexarm_ros.core.arm.driven.terms import FullTerms, make_terms
@@ -25,8 +24,8 @@ from flexarm_ros.core.arm.full.model import link_bases
 from flexarm_ros.core.arm.full.plant import ACCURATE_PHASE, mass_matrix
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
-from flexarm_ros.identification.model.driven_motion import BIAS, FILTERED, SLOPE
-from flexarm_ros.identification.setting import GaugeParameters, Setting
+from flexarm_ros.core.sensing.gauge import BIAS, gauge_tables
+from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError
 import numpy as np
 from scipy.linalg import eigh, expm, solve_discrete_are
@@ -50,7 +49,7 @@ class ArmModel:
     Constants of one arm and its gauges for recordings with one sample period.
 
     ``shapes`` (2, N): each gauge's signal per elastic coordinate of its link, gain included.
-    ``gauges`` (2, 3) and ``lowpass`` (2, 2, 4): see `driven_motion` beside this module.
+    ``gauges`` (2, 3) and ``lowpass`` (2, 2, 4): see `flexarm_ros.core.sensing.gauge`.
     """
 
     plant: PlantParameters
@@ -94,64 +93,19 @@ def make_model(setting: Setting, period: float, kinds: tuple[str, str]) -> ArmMo
     (the true end deflection of the link, m, without gain, offset and low-pass).
     """
     plant, gauge = setting.config.plant, setting.gauge
-    bases = link_bases(plant)
     terms = make_terms(plant, plant.payload_mass)
     assert isinstance(terms, FullTerms)
-    shapes = np.zeros((2, plant.modes))
-    gauges = np.zeros((2, 3))
-    lowpass = np.zeros((2, 2, 4))
-    cutoff = [0.0, 0.0]
+    first, second = ('strain' if kind == 'end' else kind for kind in kinds)
+    shapes, gauges, lowpass = gauge_tables(plant, gauge, period, (first, second))
+    cutoff = list(gauge.filter_cutoff)
     for link in (0, 1):
         if kinds[link] == 'end':
-            shapes[link] = bases[link].shape(1.0)[:, 0]
-            continue
-        shapes[link] = gauge.gain[link] * _gauge_shape(plant, gauge, link, kinds[link])
-        gauges[link, BIAS] = gauge.offset[link]
-        gauges[link, SLOPE] = gauge.offset_slope[link]
-        cutoff[link] = gauge.filter_cutoff[link]
-        if cutoff[link] > 0.0:
-            gauges[link, FILTERED] = 1.0
-            lowpass[link] = lowpass_step(cutoff[link], gauge.filter_damping[link], period)
+            shapes[link] = link_bases(plant)[link].shape(1.0)[:, 0]
+            gauges[link] = lowpass[link] = cutoff[link] = 0.0
     return ArmModel(
         plant, terms, shapes, gauges, lowpass, (cutoff[0], cutoff[1]), gauge.filter_damping,
         period, _substeps(plant, terms, period),
     )  # fmt: skip
-
-
-def _gauge_shape(
-    plant: PlantParameters, gauge: GaugeParameters, link: int, kind: str
-) -> FloatArray:
-    """
-    Return a gauge's signal per elastic coordinate, (N,), for gain 1.
-
-    A gauge measures the curvature k at its place x.  ``deflection`` (m) and ``angle``
-    (deflection / length, rad) are those of a link bent by an end force,
-    k = 3 deflection (length - x) / length^3; ``strain`` is k in 1/m, the half thickness in the
-    gain.
-    """
-    length, place = plant.length[link], gauge.location[link]
-    basis = link_bases(plant)[link]
-    curvature = basis.shape(place / length, 2)[:, 0] / (length * length)
-    if kind == 'strain':
-        return np.asarray(curvature)
-    deflection = curvature * length**3 / (3.0 * (length - place))
-    return np.asarray(deflection / length if kind == 'angle' else deflection)
-
-
-@lru_cache(maxsize=64)
-def lowpass_step(cutoff: float, damping: float, period: float) -> FloatArray:
-    """
-    Return the exact step of a second-order low-pass for an input that is linear in between.
-
-    Shape (2, 4): (value, rate) after ``period`` s from (value, rate, input before, after).
-    """
-    omega = 2.0 * math.pi * cutoff
-    system = np.zeros((4, 4))
-    system[0, 1] = 1.0
-    system[1, :3] = -omega * omega, -2.0 * damping * omega, omega * omega
-    system[2, 3] = 1.0 / period
-    step = expm(system * period)[:2]
-    return np.column_stack([step[:, :2], step[:, 2] - step[:, 3], step[:, 3]])
 
 
 def _elastic(plant: PlantParameters, elbow: float) -> FloatArray:

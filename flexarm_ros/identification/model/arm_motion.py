@@ -26,6 +26,7 @@ from typing import Any
 
 from flexarm_ros.core.arm.driven.dynamics import Rig, Scratch, step_driven
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.sensing.lowpass import follow
 from flexarm_ros.identification.model.driven_motion import IntArray, pass_low, sense
 import numpy as np
 
@@ -127,15 +128,6 @@ def read_encoder(law: FloatArray, angle: float) -> float:
     if resolution > 0.0:
         angle = math.floor(angle / resolution + 0.5) * resolution
     return angle + float(law[7])
-
-
-@compiled
-def follow(step: FloatArray, state: FloatArray, before: float, after: float) -> None:
-    """Advance a low-pass with its rate, (2,), by one sample."""
-    value, rate = state[0], state[1]
-    for i in range(2):
-        state[i] = step[i, 0] * value + step[i, 1] * rate + step[i, 2] * before
-        state[i] += step[i, 3] * after
 
 
 @compiled

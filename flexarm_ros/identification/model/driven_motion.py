@@ -30,13 +30,12 @@ import math
 
 from flexarm_ros.core.arm.driven.terms import FullTerms, terms
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.sensing.gauge import FILTERED, gauge_input
+from flexarm_ros.core.sensing.lowpass import follow
 import numpy as np
 from numpy.typing import NDArray
 
 IntArray = NDArray[np.int64]
-
-# Columns of ``gauges`` (2, 3): constant, per angle of the joint, 1 if it has a low-pass.
-BIAS, SLOPE, FILTERED = range(3)
 
 
 @compiled
@@ -134,18 +133,6 @@ def _substitute(factor: FloatArray, rhs: FloatArray) -> None:
         for k in range(i + 1, size):
             s -= factor[k, i] * rhs[k]
         rhs[i] = s * factor[i, i]
-
-
-@compiled
-def gauge_input(
-    link: int, shapes: FloatArray, gauges: FloatArray, angles: FloatArray, elastic: FloatArray
-) -> float:
-    """Return a gauge's signal before its low-pass: ``shapes`` (2, N) times the coordinates."""
-    n = shapes.shape[1]
-    value: float = gauges[link, BIAS] + gauges[link, SLOPE] * angles[link]
-    for i in range(n):
-        value += shapes[link, i] * elastic[link * n + i]
-    return value
 
 
 @compiled
@@ -255,9 +242,4 @@ def pass_low(
             continue
         after = gauge_input(link, shapes, gauges, angles, state)
         row = state.shape[0] - 4 + 2 * link
-        value, rate = state[row], state[row + 1]
-        for i in range(2):
-            step = lowpass[link, i]
-            state[row + i] = (
-                step[0] * value + step[1] * rate + step[2] * before[link] + step[3] * after
-            )
+        follow(lowpass[link], state[row : row + 2], before[link], after)

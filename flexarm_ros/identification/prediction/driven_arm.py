@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.sensing.gauge import SLOPE
 from flexarm_ros.identification.model.arm_model import (
     ArmModel,
     check_model,
@@ -26,7 +27,7 @@ from flexarm_ros.identification.model.arm_model import (
     make_model,
     observer_gain,
 )
-from flexarm_ros.identification.model.driven_motion import driven, SLOPE
+from flexarm_ros.identification.model.driven_motion import driven
 from flexarm_ros.identification.recording import moved, Recording
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import math
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.model.driven_motion import BIAS
+from flexarm_ros.core.sensing.gauge import BIAS
 from flexarm_ros.identification.prediction.driven_arm import (
     BoolArray,
     predict_driven,

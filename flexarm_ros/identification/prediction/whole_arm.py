@@ -24,7 +24,8 @@ from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.control.state_feedback import StateFeedback, StateFeedbackParameters
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
-from flexarm_ros.identification.model.arm_model import ArmModel, lowpass_step, make_model
+from flexarm_ros.core.sensing.lowpass import lowpass_step
+from flexarm_ros.identification.model.arm_model import ArmModel, make_model
 from flexarm_ros.identification.model.arm_motion import ANGLE, flown, RATE, STRAIN
 from flexarm_ros.identification.prediction.driven_arm import (
     driven_states,

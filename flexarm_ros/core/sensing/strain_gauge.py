@@ -1,0 +1,84 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The strain gauges of both links, as a part of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from flexarm_ros.core.parameters.rig import StrainGaugeParameters
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.part import Column
+from flexarm_ros.core.sensing.sensor import Sensor
+from flexarm_ros.core.signals import Joints, LINKS, Signal
+from flexarm_ros.core.timeline import Timeline
+
+STRAIN = 'strain_gauge/strain'
+
+
+class StrainGaugePart(Sensor):
+    """A strain gauge on each link: curvature, gain, offset, low-pass, noise."""
+
+    NAME = 'strain_gauge'
+    Parameters = StrainGaugeParameters
+
+    @classmethod
+    def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
+        """Return the readings of both gauges, in the unit of ``strain_gauge.output``."""
+        return (Signal(STRAIN, Joints(LINKS, ('position',))),)
+
+    @classmethod
+    def columns(cls, config: RunConfig) -> tuple[Column, ...]:
+        """Return the readings as delivered."""
+        return Column('strain1', STRAIN, 0), Column('strain2', STRAIN, 1)
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for a gauge that is not on its link, or at its end."""
+        super().check(config)
+        gauge = config.section(cls.NAME)
+        for link, place in enumerate(gauge.location):
+            length = config.plant.length[link]
+            if place > length or (place == length and gauge.output != 'strain'):
+                below = 'at most' if gauge.output == 'strain' else 'below'
+                raise ValueError(
+                    f'strain_gauge.location: {place!r} m on {LINKS[link]}, allowed with output '
+                    f'{gauge.output}: from 0, {below} {length!r} m (plant.length)'
+                )
+
+    def __init__(self, config: RunConfig) -> None:
+        from flexarm_ros.core.sensing.gauge import gauge_tables, gauge_tick
+        import numpy as np
+
+        super().__init__(config)
+        held: StrainGaugeParameters = self.parameters
+        self._tick, self._memory = gauge_tick, np.zeros((2, 3))
+        period = Timeline.of(config.run).period
+        self._tables = gauge_tables(config.plant, held, period, (held.output, held.output))
+
+    def sample(self, k: int, *inputs: Any) -> Sequence[float]:
+        """Return the signals of tick ``k`` behind the low-pass."""
+        (state,) = inputs
+        found: tuple[float, float] = self._tick(*self._tables, state.q, self._memory, k == 0)
+        return found
+
+    def read(self, values: Sequence[float]) -> Sequence[float]:
+        """Return the signals with noise."""
+        std = self.parameters.noise_std
+        if std == 0.0:
+            return values
+        return [v + std * n for v, n in zip(values, self.noise.pair(), strict=True)]
