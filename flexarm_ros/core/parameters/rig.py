@@ -61,6 +61,25 @@ class StrainGaugeParameters(ChannelParameters):
         'the unit of output', low=0.0, high=1e6, live=True,
     )  # fmt: skip
 
+    def deflection_per_curvature(self, link: int, length: float) -> float:
+        """
+        Return the end deflection per curvature at the gauge, m^2, of a link bent by an end force.
+
+        ``link`` (0 or 1) has the ``length``, m; the gauge is not at its end.
+        """
+        return length * length * length / (3.0 * (length - self.location[link]))
+
+    def deflection_per_reading(self, link: int, length: float) -> float:
+        """
+        Return the end deflection that a reading of 1 stands for, m: see ``output``.
+
+        A gain is taken as known where it is the distance of the surface from the neutral axis
+        (``strain``), otherwise as 1: of a calibrated gauge it is the error of the calibration.
+        """
+        if self.output == 'strain':
+            return self.deflection_per_curvature(link, length) / self.gain[link]
+        return length if self.output == 'angle' else 1.0
+
 
 @dataclass(frozen=True)
 class ActuatorParameters(ChannelParameters):

@@ -318,6 +318,11 @@ class FeedbackParameters:
         'undelayed joint rates',
         choices=('feedback', 'encoder'),
     )  # fmt: skip
+    deflection_source: str = _key(
+        'plant', 'str', '', 'end deflections that the law uses; plant: exact, undelayed; '
+        'strain_gauge: those that the readings of the strain gauges stand for',
+        choices=('plant', 'strain_gauge'), paper='plant',
+    )  # fmt: skip
     kp: float = _key(
         150.79, 'float', 'N/m', 'proportional gain of (10)', low=0.0, high=1e9, live=True,
         paper='150.79',

@@ -46,7 +46,12 @@ from flexarm_ros.core.run.rig_parts import (
     WRENCH,
 )
 from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
-from flexarm_ros.core.sensing.strain_gauge import StrainGaugePart
+from flexarm_ros.core.sensing.strain_gauge import (
+    closes_the_loop,
+    deflection_scales,
+    STRAIN,
+    StrainGaugePart,
+)
 from flexarm_ros.core.signals import (
     Clock,
     coordinate_names,
@@ -213,6 +218,21 @@ class ControllerPart(Answer):
     READS = (TIP, JOINT_STATES, STATE, REFERENCE)
 
     @classmethod
+    def reads(cls, config: RunConfig) -> tuple[str, ...]:
+        """Return the measurements and the reference, with the strain gauges if they are used."""
+        return (*cls.READS, STRAIN) if closes_the_loop(config) else cls.READS
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for a source of the deflections that does not exist."""
+        source = config.controller.deflection_source
+        if source == StrainGaugePart.NAME and config.section(source) is None:
+            raise ValueError(
+                f'controller.deflection_source: {source}, but the scenario has no section '
+                f'{source}; allowed without it: plant'
+            )
+
+    @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
         """Return the torques."""
         return (Signal(COMMAND, Joints(fields=('effort',))),)
@@ -244,14 +264,21 @@ class ControllerPart(Answer):
         if self.every > 1 or self.delay:
             self.answer = self._answer_late  # type: ignore[method-assign, assignment]
         self.fault = torque_fault  # type: ignore[method-assign, assignment]
-        self._law = config.controller.law
+        self._law, self._scales = config.controller.law, deflection_scales(config)
         self.retune = self.law.retune  # type: ignore[method-assign]
 
-    def answer(self, k: int, tip: Four, encoder: Four, state: State, reference: Four) -> Any:
+    def answer(
+        self,
+        k: int,
+        tip: Four,
+        encoder: Four,
+        state: State,
+        reference: Four,
+        strain: tuple[float, float] | None = None,
+    ) -> Any:
         """Return tau1, tau2, N m."""
-        sample = self._sample(
-            state.positions, state.rates, state.ends[:2], encoder, tip, reference
-        )
+        bends = state.ends[:2] if strain is None else self._bends(strain)
+        sample = self._sample(state.positions, state.rates, bends, encoder, tip, reference)
         return self._torque(k, sample)
 
     def _answer_late(self, k: int, *inputs: Any) -> tuple[float, float]:
@@ -261,6 +288,11 @@ class ControllerPart(Answer):
         while self._due and self._due[0][0] <= k:
             self._out = self._due.popleft()[1]
         return self._out
+
+    def _bends(self, strain: tuple[float, float]) -> tuple[float, float]:
+        """Return the end deflections that the gauges' readings stand for, m."""
+        assert self._scales is not None
+        return strain[0] * self._scales[0], strain[1] * self._scales[1]
 
     @property
     def title(self) -> str:

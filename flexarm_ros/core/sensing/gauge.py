@@ -35,17 +35,15 @@ import numpy as np
 BIAS, SLOPE, FILTERED = range(3)
 
 
-def gauge_shape(plant: PlantParameters, link: int, place: float, output: str) -> FloatArray:
-    """Return the signal of a gauge of gain 1 per elastic coordinate of its link, (N,)."""
-    return _curvature(plant, link, place) * gauge_scale(plant, link, place, output)
-
-
-def gauge_scale(plant: PlantParameters, link: int, place: float, output: str) -> float:
-    """Return ``output`` per curvature at ``place``: 1, m^2 or m; m from the root."""
+def gauge_shape(
+    plant: PlantParameters, gauge: StrainGaugeParameters, link: int, output: str
+) -> FloatArray:
+    """Return the signal of a gauge per elastic coordinate of ``link``, (N,), for gain 1."""
     length = plant.length[link]
+    curvature = _curvature(plant, link, gauge.location[link])
     if output == 'strain':
-        return 1.0
-    deflection = length * length * length / (3.0 * (length - place))
+        return curvature
+    deflection = curvature * gauge.deflection_per_curvature(link, length)
     return deflection / length if output == 'angle' else deflection
 
 
@@ -72,8 +70,7 @@ def gauge_tables(
     shapes = np.zeros((2, plant.modes))
     gauges, lowpass = np.zeros((2, 3)), np.zeros((2, 2, 4))
     for link in (0, 1):
-        shape = gauge_shape(plant, link, gauge.location[link], outputs[link])
-        shapes[link] = gauge.gain[link] * shape
+        shapes[link] = gauge.gain[link] * gauge_shape(plant, gauge, link, outputs[link])
         gauges[link, BIAS] = gauge.offset[link]
         gauges[link, SLOPE] = gauge.offset_slope[link]
         if gauge.filter_cutoff[link] > 0.0:

@@ -30,6 +30,28 @@ from flexarm_ros.core.timeline import Timeline
 STRAIN = 'strain_gauge/strain'
 
 
+def closes_the_loop(config: RunConfig) -> bool:
+    """Return whether the controller's deflections are those of the strain gauges."""
+    gauge = StrainGaugePart.NAME
+    return config.controller.deflection_source == gauge and config.section(gauge) is not None
+
+
+def deflection_scales(config: RunConfig) -> tuple[float, float] | None:
+    """
+    Return the end deflections, m, that readings of 1 stand for in the controller.
+
+    None if its deflections are the plant's.
+    """
+    if not closes_the_loop(config):
+        return None
+    gauge: StrainGaugeParameters = config.section(StrainGaugePart.NAME)
+    first, second = (
+        gauge.deflection_per_reading(link, length)
+        for link, length in enumerate(config.plant.length)
+    )
+    return first, second
+
+
 class StrainGaugePart(Sensor):
     """A strain gauge on each link: curvature, gain, offset, low-pass, noise."""
 
@@ -50,14 +72,21 @@ class StrainGaugePart(Sensor):
     def check(cls, config: RunConfig) -> None:
         """Raise ``ValueError`` for a gauge that is not on its link, or at its end."""
         super().check(config)
-        gauge = config.section(cls.NAME)
+        gauge: StrainGaugeParameters = config.section(cls.NAME)
+        # At the end of a link an end force leaves no curvature.
+        end_allowed = gauge.output == 'strain' and not closes_the_loop(config)
         for link, place in enumerate(gauge.location):
             length = config.plant.length[link]
-            if place > length or (place == length and gauge.output != 'strain'):
-                below = 'at most' if gauge.output == 'strain' else 'below'
+            if place > length or (place == length and not end_allowed):
+                below = 'at most' if end_allowed else 'below'
                 raise ValueError(
                     f'strain_gauge.location: {place!r} m on {LINKS[link]}, allowed with output '
                     f'{gauge.output}: from 0, {below} {length!r} m (plant.length)'
+                )
+            if gauge.gain[link] == 0.0 and closes_the_loop(config):
+                raise ValueError(
+                    f'strain_gauge.gain: 0.0 of {LINKS[link]}, allowed with '
+                    'controller.deflection_source strain_gauge: other than 0'
                 )
 
     def __init__(self, config: RunConfig) -> None:

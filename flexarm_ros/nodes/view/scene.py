@@ -24,6 +24,7 @@ from flexarm_ros.core.arm.arm_line import ArmLine
 from flexarm_ros.core.control import gain_of
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.state import MessageState
+from flexarm_ros.core.sensing.strain_gauge import deflection_scales, STRAIN
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.topics import (
@@ -93,7 +94,10 @@ class Scene:
 
     def __init__(self, config: RunConfig, trail: int = 600) -> None:
         self.config = self._initial = config
-        self.topics: dict[int, Topic] = {i: per_tick_topics(config)[i] for i in SHOWN}
+        topics, self._scales = per_tick_topics(config), deflection_scales(config)
+        gauges = [i for i, t in enumerate(topics) if t.name == STRAIN] if self._scales else []
+        self.topics: dict[int, Topic] = {i: topics[i] for i in (*SHOWN, *gauges)}
+        self._gauges = gauges[0] if gauges else None
         self._line = ArmLine(config.plant)
         self._size = 2 + 2 * config.plant.modes
         # Once now, so that compilation does not delay the first frame.
@@ -148,8 +152,16 @@ class Scene:
             self.path.append(reference)
         return Frame(
             self._stamp_ns, tuple(line), self._line.elbow, (state[0], state[1]), ends,
-            self._pair(TIP), reference, self._pair(COMMAND), gain_of(self.config, *ends),
+            self._pair(TIP), reference, self._pair(COMMAND),
+            gain_of(self.config, *self._bends(ends)),
         )  # fmt: skip
+
+    def _bends(self, ends: Point) -> Point:
+        """Return the end deflections that the law uses, of those of the plant's state, m."""
+        if self._gauges is None or self._scales is None:
+            return ends
+        first, second = self._pair(self._gauges)
+        return first * self._scales[0], second * self._scales[1]
 
     def _pair(self, topic: int) -> Point:
         values = self._latest.get(topic)

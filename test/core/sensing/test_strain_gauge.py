@@ -26,21 +26,29 @@ from armtools import ARM
 from flexarm_ros import cli, scenario
 from flexarm_ros.analysis.report.runs import load_run
 from flexarm_ros.core.arm.kinematics import make_point
+from flexarm_ros.core.control.pd import fuzzy_gain
 from flexarm_ros.core.parameters.rig import StrainGaugeParameters
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, with_section
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.parts import check_parts, parts_of
+from flexarm_ros.core.run.loop_blocks import loop_blocks
+from flexarm_ros.core.run.parts import check_parts, ControllerPart, parts_of
+from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, Rows
 from flexarm_ros.core.sensing.gauge import gauge_shape
 from flexarm_ros.core.sensing.lowpass import lowpass_step
 from flexarm_ros.core.sensing.strain_gauge import STRAIN, StrainGaugePart
 from flexarm_ros.identification.prediction.predict import predict
 from flexarm_ros.identification.recording import read
 from flexarm_ros.identification.setting import load_setting
+from flexarm_ros.scenario import ScenarioError
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 PERIOD = 1e-3
+
+
+def at(place: float) -> StrainGaugeParameters:
+    return StrainGaugeParameters(location=(place, place))
 
 
 def exact_step(cutoff: float, damping: float, period: float) -> np.ndarray:
@@ -82,17 +90,17 @@ def test_a_gauge_measures_the_curvature_of_its_link(plant: PlantParameters, link
             for shift in (-step, 0.0, step)
         ]
         curvature = (across[0] - 2.0 * across[1] + across[2]) / step**2 / small
-        found = gauge_shape(plant, link, place, 'strain')[mode]
+        found = gauge_shape(plant, at(place), link, 'strain')[mode]
         assert found == pytest.approx(curvature, rel=1e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize('place', [0.0, 0.11])
 def test_an_end_force_is_read_as_its_deflection(place: float) -> None:
     plant = PlantParameters(model='full', basis='craig_bampton', length=(0.3, 0.2))
-    deflection = gauge_shape(plant, 0, place, 'deflection')
+    deflection = gauge_shape(plant, at(place), 0, 'deflection')
     tip = make_point(plant, 0.3, elastic=True).shapes[0, :1]
     assert deflection == pytest.approx(tip, rel=1e-12)
-    assert gauge_shape(plant, 0, place, 'angle') == pytest.approx(tip / 0.3, rel=1e-12)
+    assert gauge_shape(plant, at(place), 0, 'angle') == pytest.approx(tip / 0.3, rel=1e-12)
 
 
 def with_gauge(held: StrainGaugeParameters, **plant: Any) -> RunConfig:
@@ -119,7 +127,7 @@ def test_gain_offset_slope_low_pass_and_latency() -> None:
     config = with_gauge(held)
     stamps, found, q = flown(config)
     signals = [
-        held.gain[i] * q[:, 2 + i] * gauge_shape(config.plant, i, held.location[i], 'angle')
+        held.gain[i] * q[:, 2 + i] * gauge_shape(config.plant, held, i, 'angle')
         + held.offset[i] + held.offset_slope[i] * q[:, i]
         for i in (0, 1)
     ]  # fmt: skip
@@ -162,6 +170,55 @@ def test_noise_is_seeded_and_after_the_low_pass() -> None:
 def test_a_gauge_beside_its_link_is_refused(held: StrainGaugeParameters, text: str) -> None:
     with pytest.raises(ValueError, match=re.escape(text)):
         check_parts(with_gauge(held))
+
+
+def test_a_gauge_without_a_signal_cannot_close_the_loop() -> None:
+    for held, text in (
+        (StrainGaugeParameters(gain=(1.0, 0.0)), 'strain_gauge.gain: 0.0 of link2'),
+        (StrainGaugeParameters(location=(0.0, 4.5)), 'below 4.5 m'),
+    ):
+        check_parts(with_gauge(held))
+        with pytest.raises(ValueError, match=re.escape(text)):
+            check_parts(looped(held))
+
+
+def looped(held: StrainGaugeParameters, **controller: Any) -> RunConfig:
+    """Return a scenario whose law reads the gauges."""
+    config = with_gauge(held)
+    keys = replace(config.controller, deflection_source='strain_gauge', **controller)
+    return replace(config, controller=keys)
+
+
+@pytest.mark.parametrize('output', ['strain', 'deflection', 'angle'])
+def test_the_fuzzy_law_reads_the_gauges(output: str) -> None:
+    gain = (0.002, 0.003) if output == 'strain' else (1.0, 1.2)
+    config = looped(StrainGaugeParameters(output=output, gain=gain, location=(0.4, 0.9)))
+    loop, rows = ClosedLoop(config), Rows(config)
+    table = np.concatenate([rows.table(block) for block in loop_blocks(loop)])
+    record = ClosedLoop(config)
+    place = record.answers.places[STRAIN]
+    for k in range(len(table)):
+        tick = record.tick()
+        assert tick is not None
+        readings = tick.messages[place][1:]
+        known = gain if output == 'strain' else (1.0, 1.0)
+        per = {'deflection': 1.0, 'angle': 4.5}
+        bends = [
+            reading / known[i] * per.get(output, 4.5**3 / 3.0 / (4.5 - place_m))
+            for i, (reading, place_m) in enumerate(zip(readings, (0.4, 0.9), strict=True))
+        ]
+        assert tick.gain == pytest.approx(fuzzy_gain(config, *bends), rel=1e-12)
+        assert table[k, COLUMNS.index('lambda')] == tick.gain
+    plain = replace(config, controller=replace(config.controller, deflection_source='plant'))
+    assert ClosedLoop(plain).tick() is not None
+
+
+def test_the_source_of_the_deflections_must_exist() -> None:
+    config = scenario.load('fls_tip')
+    with pytest.raises(ScenarioError, match='the scenario has no section strain_gauge'):
+        scenario.load('fls_tip', ['controller.deflection_source=strain_gauge'])
+    assert 'strain_gauge/strain' not in ControllerPart.reads(config)
+    assert ControllerPart.reads(looped(StrainGaugeParameters()))[-1] == STRAIN
 
 
 def test_without_the_section_there_is_no_gauge() -> None:

@@ -33,6 +33,7 @@ from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.part import COMMAND, REFERENCE, STATE, TIP
 from flexarm_ros.core.run.parts import columns, signals
+from flexarm_ros.core.sensing.strain_gauge import deflection_scales, STRAIN
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import make_path, point_at, Sides
 import numpy as np
@@ -87,6 +88,8 @@ class Rows:
         self._agenda = Agenda(config.changes)
         self._places = {signal.name: i for i, (_, signal) in enumerate(signals(config))}
         self._columns = columns(config)
+        self._scales = deflection_scales(config)
+        self._strains = [i for i, column in enumerate(self._columns) if column.topic == STRAIN]
         length1, length2 = config.plant.spans
         elbow = make_point(config.plant, length1, elastic=True)
         tip = make_point(config.plant, length1 + length2, elastic=True)
@@ -132,6 +135,7 @@ class Rows:
         """Return rows from ``first`` on, from the values of state, tip, reference and command."""
         state, measured, published, torque = values
         count = len(state)
+        bends = self._bends(state, further)
         table = np.empty((count, len(COLUMNS) + len(further)))
         done = 0
         while done < count:
@@ -141,9 +145,9 @@ class Rows:
             end = int(min(count, self._agenda.next - first))
             law = self.config.controller
             fill_rows(
-                self._record, first + done, state[done:end], measured[done:end],
-                torque[done:end], law.kn if self._own_law and law.law == 'fls' else 0.0,
-                table[done:end],
+                self._record, first + done, state[done:end], bends[done:end],
+                measured[done:end], torque[done:end],
+                law.kn if self._own_law and law.law == 'fls' else 0.0, table[done:end],
             )  # fmt: skip
             done = end
         if not self._own_reference:
@@ -152,17 +156,26 @@ class Rows:
             table[:, i] = column
         return table
 
+    def _bends(self, state: FloatArray, further: Sequence[ArrayLike]) -> FloatArray:
+        """Return the end deflections that the law used, m, (n, 2)."""
+        if self._scales is None:
+            place = state.shape[1] // 2 - 2
+            return state[:, place : place + 2]
+        readings = np.array([further[i] for i in self._strains], float).reshape(2, -1).T
+        return np.asarray(readings * np.array(self._scales))
+
 
 @compiled
 def fill_rows(
-    run: RowRecord, first: int, state: FloatArray, measured: FloatArray, torque: FloatArray,
-    kn: float, table: FloatArray,
+    run: RowRecord, first: int, state: FloatArray, bends: FloatArray, measured: FloatArray,
+    torque: FloatArray, kn: float, table: FloatArray,
 ) -> None:  # fmt: skip
     """
     Fill the `COLUMNS` of ``table`` (n, 20 or more), ticks from ``first`` on.
 
     ``state`` (n, 2 c + 4), ``measured`` (n, 2 or more), ``torque`` (n, 2): values of the
-    messages; ``kn``: of the fuzzy law, 0 where lambda is nan.
+    messages; ``bends`` (n, 2): end deflections that the law used, m; ``kn``: of the fuzzy law, 0
+    where lambda is nan.
     """
     n = state.shape[1] // 2 - 2
     for i in range(len(state)):
@@ -179,4 +192,4 @@ def fill_rows(
         row[7], row[8], row[9], row[10] = elbow[0], elbow[1], tip[0], tip[1]
         row[11], row[12], row[13], row[14] = rigid[0], rigid[1], measured[i, 0], measured[i, 1]
         row[15], row[16], row[17], row[18] = reference[0], reference[1], torque[i, 0], torque[i, 1]
-        row[19] = fls_lambda(delta1 / kn, delta2 / kn) if kn > 0.0 else math.nan
+        row[19] = fls_lambda(bends[i, 0] / kn, bends[i, 1] / kn) if kn > 0.0 else math.nan
