@@ -223,23 +223,19 @@ class ControllerPart(Answer):
         return (*cls.READS, STRAIN) if closes_the_loop(config) else cls.READS
 
     @classmethod
-    def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a source of the deflections that does not exist."""
-        source = config.controller.deflection_source
-        if source == StrainGaugePart.NAME and config.section(source) is None:
-            raise ValueError(
-                f'controller.deflection_source: {source}, but the scenario has no section '
-                f'{source}; allowed without it: plant'
-            )
-
-    @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
         """Return the torques."""
         return (Signal(COMMAND, Joints(fields=('effort',))),)
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a rate or delay that does not fit the ticks, or the law."""
+        """Raise ``ValueError`` for a rate, delay or source of deflections that cannot be had."""
+        source = config.controller.deflection_source
+        if source == StrainGaugePart.NAME and config.section(source) is None:
+            raise ValueError(
+                f'controller.deflection_source: {source}, but the scenario has no section '
+                f'{source}; allowed without it: plant'
+            )
         gains, period_ns = config.controller, Timeline.of(config.run).period_ns
         named_ns('controller.compute_delay', gains.compute_delay)
         every = ticks_between('controller.rate', gains.rate, period_ns)

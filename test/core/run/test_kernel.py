@@ -217,4 +217,29 @@ def other_values(spec: Spec, default: object) -> list[str]:
 ALL_KEYS = [(section, key) for section in SECTIONS for key in keys(section)]
 TOGETHER = {
     *('waypoint_times', 'waypoint_x', 'waypoint_y', 'torque_file', 'force_file', 'force_times'),
+    *('force_x', 'force_y', 'payload_file', 'payload_times', 'payload_masses', 'latency_file'),
     'deflection_source',
+}
+"""Keys that mean nothing alone; `FEATURES` has them."""
+
+
+@pytest.mark.parametrize(('section', 'key'), ALL_KEYS)
+def test_no_key_is_forgotten(section: str, key: str) -> None:
+    """A key that the kernel does not know must keep the run from it, whoever adds the key."""
+    _, spec, default = keys(section)[key]
+    tried = 0
+    for value in other_values(spec, default):
+        settings = [*NOISE, 'duration=0.05', f'{section}.{key}={value}']
+        try:
+            of = config('fls_tip', *settings)
+        except scenario.ScenarioError:
+            continue
+        tried += 1
+        if tried > 2:
+            break
+        if Kernel.of(ClosedLoop(of)) is not None:
+            fly_both(of)
+            if spec.live:
+                change = Change(13, section, key, float(value))
+                fly_both(config('fls_tip', *NOISE, 'duration=0.05', changes=[change]))
+    assert tried or key in TOGETHER
