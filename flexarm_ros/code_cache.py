@@ -31,7 +31,6 @@ from collections.abc import Iterator, Mapping
 import errno
 from functools import cache
 import hashlib
-from importlib import import_module
 import logging
 import os
 from pathlib import Path
@@ -39,7 +38,7 @@ import shutil
 import sys
 import tempfile
 
-import numba  # noqa: F401  # brings the modules whose versions count
+from flexarm_ros import numba_import  # noqa: F401  # brings the modules whose versions count
 
 PACKAGE = Path(__file__).resolve().parent
 COMPILERS = ('numba', 'llvmlite', 'numpy')
@@ -51,23 +50,6 @@ _TOLD = 'FLEXARM_ROS_CACHE_TOLD'
 """Variable that is set once the complaint has been logged, for processes started later."""
 
 _log = logging.getLogger(__name__)
-
-
-def load_array_functions() -> None:
-    """
-    Load numba's array functions without ``scipy.linalg``.
-
-    They import it to see whether it has BLAS, for the inner products of ``np.convolve`` and
-    ``np.correlate``, and do without otherwise.  It takes 0.2 s of the start of every process.
-    """
-    name = 'scipy.linalg.cython_blas'
-    if name in sys.modules:
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # to import it is an error
-    try:
-        import_module('numba.np.arraymath')
-    finally:
-        del sys.modules[name]
 
 
 @cache

@@ -41,7 +41,6 @@ F = TypeVar('F', bound=Callable[..., Any])
 
 _config: Any = numba.config
 _FunctionCache: Any = caching.FunctionCache
-code_cache.load_array_functions()
 
 
 class _Cache(_FunctionCache):  # type: ignore[misc]
