@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.bag.errors import BagContentError
-from flexarm_ros.wire.generic_decode import typestore
 from flexarm_ros.wire.topics import Qos
 import yaml
 
@@ -91,18 +90,6 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
 def qos_text(qos: Qos) -> str:
     """Return the ``offered_qos_profiles`` as a channel's metadata has them."""
     return to_yaml(qos_profiles(qos))
-
-
-@cache
-def definition(type_name: str) -> tuple[str, str]:
-    """
-    Return a type's ``ros2msg`` text with all nested definitions, and its RIHS01 hash.
-
-    It is always taken from the ``rosbags`` type store, so that a bag has the same bytes with
-    and without ROS.
-    """
-    text, _ = typestore().generate_msgdef(type_name, ros_version=2)
-    return text, typestore().hash_rihs01(type_name)
 
 
 def bag_information(

@@ -30,7 +30,6 @@ import shutil
 from typing import Any
 
 from flexarm_ros.bag.errors import BagError, BagExistsError
-from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.outputs import (
     summary_of,
     unfinished_summary,
@@ -160,6 +159,8 @@ def _mend_bag(directory: Path, config: RunConfig, provenance: Provenance, work: 
     bag = directory / BAG
     if not bag.is_dir() or (bag / 'metadata.yaml').exists():
         return
+    from flexarm_ros.bag.mcap.recover import recover
+
     rescued = directory / 'bag-rescued'
     mending = partial(work, 'mending the bag, which the recorder did not finish')
     mending(0.0)

@@ -29,17 +29,12 @@ import os
 from pathlib import Path
 from types import TracebackType
 
+from flexarm_ros.bag.definitions import definition
 from flexarm_ros.bag.embedded_metadata import attachments, FORMAT, front_matter, scenario_text
 from flexarm_ros.bag.errors import BagContentError, BagError
 from flexarm_ros.bag.mcap.files import make_directory, write_atomically
 from flexarm_ros.bag.mcap.mcapfile import McapFile, MESSAGE_FIXED, MESSAGE_HEADER, RECORD_INDEX
-from flexarm_ros.bag.metadata import (
-    bag_information,
-    BagTopic,
-    definition,
-    qos_text,
-    to_yaml,
-)
+from flexarm_ros.bag.metadata import bag_information, BagTopic, qos_text, to_yaml
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.tick_records import TickRecords
 from flexarm_ros.core.parameters.changes import Change

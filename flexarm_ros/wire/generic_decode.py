@@ -24,12 +24,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from operator import attrgetter
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
-from rosbags.serde import SerdeError
-from rosbags.typesys import get_typestore, Stores
-from rosbags.typesys.store import Typestore
+
+if TYPE_CHECKING:  # imported on use: it takes 0.2 s
+    from rosbags.typesys.store import Typestore
 
 _NS = 1_000_000_000
 _SURPLUS = 16
@@ -38,6 +38,8 @@ _SURPLUS = 16
 @cache
 def typestore() -> Typestore:
     """Return the definitions of ROS 2 Kilted's standard messages."""
+    from rosbags.typesys import get_typestore, Stores
+
     return get_typestore(Stores.ROS2_KILTED)
 
 
@@ -47,6 +49,8 @@ def message(type_name: str, data: bytes) -> Any:
 
     Some serializers append a few bytes to the message; they are ignored.
     """
+    from rosbags.serde import SerdeError
+
     for surplus in range(0, _SURPLUS + 1, 4):
         try:
             return typestore().deserialize_cdr(data[: len(data) - surplus], type_name)

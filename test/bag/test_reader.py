@@ -31,6 +31,7 @@ import zlib
 
 from bagtools import read_all, small_config, small_messages, write_small
 from flexarm_ros.bag.checks.verify import verify
+from flexarm_ros.bag.definitions import definition
 from flexarm_ros.bag.errors import (
     BagContentError,
     BagError,
@@ -40,7 +41,7 @@ from flexarm_ros.bag.errors import (
 from flexarm_ros.bag.mcap.mcapfile import MAGIC, McapFile, RECORD_INDEX
 from flexarm_ros.bag.mcap.recover import recover
 from flexarm_ros.bag.mcap.scan import MAX_CHUNK_DATA
-from flexarm_ros.bag.metadata import definition, read_counts
+from flexarm_ros.bag.metadata import read_counts
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from bagtools import small_messages
-from flexarm_ros.bag.metadata import definition
+from flexarm_ros.bag.definitions import definition
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.wire.generic_decode import typestore
 from flexarm_ros.wire.topics import per_tick_topics, REFERENCE
