@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 from flexarm_ros.api.pictures import frame
@@ -27,6 +26,7 @@ from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.make_plant import make_plant
+from flexarm_ros.core.run.parts import PlantPart, signals
 from flexarm_ros.core.sensing.sensors import Encoder, TipSensor
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference
@@ -34,18 +34,21 @@ from flexarm_ros.scenario import ScenarioError
 import numpy as np
 from numpy.typing import NDArray
 
-CHANGES = tuple(
-    name for name in inspect.signature(configure).parameters if name not in ('scenario', 'torques')
-)
-"""Sections that the environment or an episode may change; the agent sets the torques."""
+FIXED = ('scenario', 'torques')
+"""Arguments of `configure` that an environment or an episode may not change."""
 
 
 def changed(scenario: Scenario, changes: dict[str, Any]) -> RunConfig:
-    """Return the scenario with the changes; ``ScenarioError`` for an unknown section or key."""
+    """Return the scenario with the changes; ``ScenarioError`` for those that are not possible."""
     for name in changes:
-        if name not in CHANGES:
-            raise ScenarioError(f'{name!r} is not known; allowed: {", ".join(CHANGES)}')
-    return configure(scenario, **changes)
+        if name in FIXED:
+            raise ScenarioError(f'{name}: cannot be changed here; the agent sets the torques')
+    config = configure(scenario, **changes)
+    inputs = PlantPart.reads(config)
+    for part, signal in signals(config):
+        if part.Parameters is not None and signal.name in inputs:
+            raise ScenarioError(f'{part.NAME}: not available in an environment; leave it out')
+    return config
 
 
 class Episode:

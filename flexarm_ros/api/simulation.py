@@ -35,7 +35,8 @@ from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.core.run.results.trajectory_rows import header, Row, Rows
-from flexarm_ros.scenario.plugins import register
+from flexarm_ros.scenario.errors import suggestion
+from flexarm_ros.scenario.plugins import register, section_names
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -50,16 +51,11 @@ TORQUES = 'rows t, tau1, tau2 (s, N m, N m) of finite numbers, shape (n, 3)'
 def configure(
     scenario: Scenario,
     *,
-    run: Section | None = None,
-    plant: Section | None = None,
-    encoder: Section | None = None,
-    tip_sensor: Section | None = None,
-    trajectory: Section | None = None,
-    controller: Section | None = None,
     duration: float | None = None,
     seed: int | None = None,
     law: type[Law] | str | None = None,
     torques: ArrayLike | None = None,
+    **sections: Section | None,
 ) -> RunConfig:
     """
     Return a complete, checked scenario with some of its parameters changed.
@@ -69,9 +65,6 @@ def configure(
     scenario
         The name of a shipped scenario (``flexarm list``), a file, ``{section: {key: value}}``
         or a ``RunConfig``.
-    run, plant, encoder, tip_sensor, trajectory, controller
-        ``{key: value}`` for a section of the scenario, keys and values as in the file; ``run``
-        is the section ``/**``.  The value ``None`` removes a key.
     duration, seed
         Short for ``run={"duration": ..., "seed": ...}``; s, and the seed of every noise.
     law
@@ -81,6 +74,11 @@ def configure(
     torques
         Rows ``t, tau1, tau2`` (s, N m, N m), shape ``(n, 3)``: applied in open loop, interpolated
         linearly, instead of a control law.
+    **sections
+        ``{key: value}`` for a section of the scenario, keys and values as in the file:
+        ``plant={"payload_mass": 1.0}``; ``run`` is the section ``/**``.  The value ``None``
+        removes a key.  The section of an optional part, of an installed package too, adds the
+        part.
 
     Raises
     ------
@@ -88,16 +86,12 @@ def configure(
         One line that names the key, the value and what is allowed.
 
     """
-    own = {**(run or {})}
-    if law is not None:
-        name = law if isinstance(law, str) else register(law)
-        controller = {**(controller or {}), 'law': name}
-    own.update({k: v for k, v in (('duration', duration), ('seed', seed)) if v is not None})
-    given: dict[str, Section | None] = {
-        OWN: own, 'plant': plant, 'encoder': encoder, 'tip_sensor': tip_sensor,
-        'trajectory': trajectory, 'controller': controller,
-    }  # fmt: skip
-    data = {section: _plain(section, keys) for section, keys in given.items() if keys}
+    data = _sections(sections)
+    short = (('run', 'duration', duration), ('run', 'seed', seed), ('controller', 'law', law))
+    for section, key, value in short:
+        if value is not None:
+            value = register(value) if isinstance(value, type) else value
+            data.setdefault(section, {})[key] = value
     if isinstance(scenario, RunConfig):
         config = scenario
     elif isinstance(scenario, Mapping):
@@ -114,17 +108,12 @@ def configure(
 def simulate(
     scenario: Scenario,
     *,
-    run: Section | None = None,
-    plant: Section | None = None,
-    encoder: Section | None = None,
-    tip_sensor: Section | None = None,
-    trajectory: Section | None = None,
-    controller: Section | None = None,
     duration: float | None = None,
     seed: int | None = None,
     law: type[Law] | str | None = None,
     torques: ArrayLike | None = None,
     out: str | os.PathLike[str] | None = None,
+    **sections: Section | None,
 ) -> Run:
     """
     Simulate a scenario in this process, without ROS, and return the run.
@@ -134,7 +123,7 @@ def simulate(
 
     Parameters
     ----------
-    scenario, run, plant, encoder, tip_sensor, trajectory, controller, duration, seed, law, torques
+    scenario, duration, seed, law, torques, **sections
         As for :func:`configure`.
     out
         A new directory for bag, ``trajectory.csv`` and ``summary.json``; by default nothing is
@@ -149,10 +138,8 @@ def simulate(
 
     """
     config = configure(
-        scenario, run=run, plant=plant, encoder=encoder, tip_sensor=tip_sensor,
-        trajectory=trajectory, controller=controller, duration=duration, seed=seed, law=law,
-        torques=torques,
-    )  # fmt: skip
+        scenario, duration=duration, seed=seed, law=law, torques=torques, **sections
+    )
     name = Path(scenario).stem if isinstance(scenario, (str, os.PathLike)) else 'run'
     if out is None:
         return _fly(config, name)
@@ -186,11 +173,21 @@ def _timed(blocks: Iterator[Block]) -> Iterator[tuple[Block, float]]:
         yield block, time.perf_counter() - start
 
 
+def _sections(sections: Mapping[str, Section | None]) -> dict[str, dict[str, Any]]:
+    """Return the given sections as data, checked by name."""
+    known = ['run' if name == OWN else name for name in section_names()]
+    for name in sections:
+        if name not in known:
+            raise scenarios.ScenarioError(
+                f'{name}: unknown section{suggestion(name, known)} (allowed: {", ".join(known)})'
+            )
+    return {name: _plain(name, keys) for name, keys in sections.items() if keys is not None}
+
+
 def _plain(section: str, keys: Any) -> dict[str, Any]:
     """Return values as in a file: NumPy types become Python's, nested keys dotted."""
     if not isinstance(keys, Mapping):
-        name = 'run' if section == OWN else section
-        raise scenarios.ScenarioError(f'{name}: {keys!r} is not a map of keys')
+        raise scenarios.ScenarioError(f'{section}: {keys!r} is not a map of keys')
     plain: dict[str, Any] = {}
     for key, value in keys.items():
         if isinstance(value, Mapping):
@@ -211,7 +208,7 @@ def _value(value: Any) -> Any:
 
 def _merged(base: Mapping[str, Section], data: Mapping[str, Section]) -> dict[str, dict[str, Any]]:
     merged = {
-        OWN if section == 'run' else section: _plain(section, keys)
+        'run' if section == OWN else section: _plain(section, keys)
         for section, keys in base.items()
     }
     for section, keys in data.items():

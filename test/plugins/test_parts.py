@@ -149,6 +149,17 @@ def test_in_every_command_without_nodes(
     assert np.array_equal(again.to_numpy(), run.to_numpy(), equal_nan=True)
 
 
+def test_from_python_a_section_is_a_keyword(stranger: Path) -> None:
+    config = fa.configure('pd_tip', strain_probe={'gain': 0.02}, duration=0.1)
+    assert config == scenario.load('pd_tip', ['strain_probe.gain=0.02', 'duration=0.1'])
+    run = fa.simulate('pd_tip', strain_probe={}, duration=0.1)  # its defaults
+    assert run.columns == (*COLUMNS, 'strain1', 'strain2')
+    with pytest.raises(fa.ScenarioError, match='strain_probe.gian: unknown key'):
+        fa.simulate('pd_tip', strain_probe={'gian': 1.0})
+    with pytest.raises(fa.ScenarioError, match="did you mean 'strain_probe'"):
+        fa.simulate('pd_tip', strain_prob={'gain': 1.0})
+
+
 def test_a_changed_message_of_the_part_is_found(stranger: Path, tmp_path: Path) -> None:
     from flexarm_ros.bag.checks.verify import verify
     from flexarm_ros.bag.recording import BAG
