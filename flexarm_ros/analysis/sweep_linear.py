@@ -32,6 +32,7 @@ from typing import Any
 
 from flexarm_ros.analysis.spawning import worker_context
 from flexarm_ros.analysis.sweep.worker import start_worker
+from flexarm_ros.core.control import LAWS
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario import ScenarioError, with_values
 from flexarm_ros.scenario.plugins import find_plugins_of
@@ -40,7 +41,6 @@ from flexarm_ros.scenario.sweeps.sweep import Sweep
 from flexarm_ros.stability.margins import poses_along, ROUNDING
 from flexarm_ros.stability.sampled_loop import left_out, SampledLoop, sensor_of
 
-TIME_GAINS = ('lqg', 'adaptive')
 """Laws with time-varying gains: their frozen boundary would not be that of the run."""
 
 MOST_POINTS = 5000
@@ -171,9 +171,9 @@ def growth_rates(config: RunConfig) -> Rates:
     analysed.
     """
     law, sensor = config.controller.law, sensor_of(config)
-    if law in TIME_GAINS:
+    if LAWS[law].TIME_VARYING:
         raise ValueError(f'controller.law: {law} has gains that change with the time')
-    if getattr(config, sensor).latency > LONGEST_S:
+    if config.section(sensor).latency > LONGEST_S:
         raise ValueError(f'{sensor}.latency: above {LONGEST_S:g} s')
     rates = []
     for pose in poses_along(config):

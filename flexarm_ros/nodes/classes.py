@@ -16,15 +16,24 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.run.parts import PARTS
+from flexarm_ros.core.run.part import Answer
+from flexarm_ros.core.run.parts import part_of, PARTS
 
-OWN = {'plant': 'PlantNode', 'trajectory': 'TrajectoryNode', 'recorder': 'RecorderNode'}
-"""Role -> node class in the module named like the role, for roles other than answering ones."""
+
+def has_own_node(role: str) -> bool:
+    """Return whether ``role`` has a node class of its own, in the module of that name."""
+    part = part_of(role)
+    return part in PARTS and (part.AHEAD or not issubclass(part, Answer))
 
 
 def module_of(role: str) -> str:
     """Return the module with the node of ``role``."""
-    return f'flexarm_ros.nodes.{role if role in OWN else "answering"}'
+    return f'flexarm_ros.nodes.{role if has_own_node(role) else "answering"}'
+
+
+def class_of(role: str) -> str:
+    """Return the name of the class of a node of its own, ``PlantNode`` for ``PlantPart``."""
+    return f'{part_of(role).__name__.removesuffix("Part")}Node'
 
 
 MODULES = ('flexarm_ros.nodes.process', *dict.fromkeys(module_of(part.NAME) for part in PARTS))

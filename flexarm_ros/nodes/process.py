@@ -29,7 +29,7 @@ from typing import Any
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.run.parts import known_parts
 from flexarm_ros.nodes.answering import answering_node
-from flexarm_ros.nodes.classes import module_of, OWN
+from flexarm_ros.nodes.classes import class_of, has_own_node, module_of
 from flexarm_ros.nodes.runtime.ending import describe
 from flexarm_ros.nodes.runtime.lockstep import spin
 from flexarm_ros.nodes.runtime.parameters.declared import parameter_files
@@ -146,9 +146,9 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
 
 def node_class(role: str) -> type[Participant]:
     """Return the class of the node that fills ``role``."""
-    if role not in OWN:
+    if not has_own_node(role):
         return answering_node(role)
-    found: type[Participant] = getattr(import_module(module_of(role)), OWN[role])
+    found: type[Participant] = getattr(import_module(module_of(role)), class_of(role))
     return found
 
 

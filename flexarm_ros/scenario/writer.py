@@ -20,20 +20,8 @@ from collections.abc import Collection
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, values_of
+from flexarm_ros.core.run.parts import ControllerPart, known_parts, TipSensorPart
 from flexarm_ros.scenario.yaml.rclyaml import write
-
-UNUSED = {
-    'tip_sensor': ('measurand', 'latency', 'latency_model', 'noise_std'),
-    'trajectory': ('delay',),
-}
-"""Role -> keys that only its node reads; a role that is not listed reads all of its section.
-
-The controller reads the location and rate of the tip sensor, the plant the start of the
-trajectory.
-"""
-
-_BELIEVE_LATENCY = ('lqg', 'adaptive')
-"""Laws whose model includes the tip sensor's latency."""
 
 
 def to_dict(config: RunConfig, external: Collection[str] = ()) -> dict[str, dict[str, Any]]:
@@ -50,12 +38,21 @@ def to_dict(config: RunConfig, external: Collection[str] = ()) -> dict[str, dict
             key: list(value) if isinstance(value, tuple) else value
             for key, value in values_of(config, section).items()
         }
-    planned = config.controller.law in _BELIEVE_LATENCY and 'controller' not in external
-    for role in external:
-        for key in UNUSED.get(role, tuple(data.get(role, ()))):
-            if not (planned and (role, key) == ('tip_sensor', 'latency')):
-                data[role].pop(key, None)
+    for role, shared in _shared(config, external).items():
+        data[role] = {key: value for key, value in data.get(role, {}).items() if key in shared}
     return {section: keys for section, keys in data.items() if keys}
+
+
+def _shared(config: RunConfig, external: Collection[str]) -> dict[str, set[str]]:
+    """Return the keys of each external role that other parts read."""
+    if not external:
+        return {}
+    from flexarm_ros.core.control import LAWS
+
+    shared = {part.NAME: {*part.SHARED} for part in known_parts()}
+    if ControllerPart.NAME not in external and LAWS[config.controller.law].MODELS_LATENCY:
+        shared[TipSensorPart.NAME].add('latency')
+    return {role: shared.get(role, set()) for role in external}
 
 
 def dump(config: RunConfig, torque_file: str | None = None) -> str:

@@ -40,7 +40,7 @@ LAWS: dict[str, type[Law]] = {
 }
 """Name of a law -> its class."""
 
-PLANNING = ('inverse', 'passive', 'lqg', 'adaptive')
+PLANNING = tuple(name for name, law in LAWS.items() if law.PLANS)
 """Laws that compute the whole motion before the first tick."""
 
 BUILT_IN = tuple(LAWS)

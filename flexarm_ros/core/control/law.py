@@ -69,6 +69,14 @@ class Law:
 
     NAME: ClassVar[str] = ''
     Parameters: ClassVar[type] = NoParameters
+    PLANS: ClassVar[bool] = False
+    """Whether it computes the whole motion before the first tick."""
+    SENSOR: ClassVar[str] = ''
+    """Role of the sensor that closes the loop; empty: ``controller.feedback``."""
+    TIME_VARYING: ClassVar[bool] = False
+    """Whether its gains change with time."""
+    MODELS_LATENCY: ClassVar[bool] = False
+    """Whether its model includes ``tip_sensor.latency``."""
 
     parameters: Any
     """Its own parameters, an instance of ``Parameters``; None for a law of this package."""

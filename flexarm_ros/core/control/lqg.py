@@ -258,6 +258,8 @@ class LqgLaw(Law):
     """Kalman filter and time-varying linear-quadratic regulator about the optimal motion."""
 
     ADAPT = False
+    PLANS = TIME_VARYING = MODELS_LATENCY = True
+    SENSOR = 'tip_sensor'
 
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)

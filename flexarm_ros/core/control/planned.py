@@ -104,6 +104,9 @@ def lead(
 class InverseLaw(Law):
     """Inverse dynamics of the flexible arm along the planned motion, and joint loops."""
 
+    PLANS = True
+    SENSOR = 'encoder'
+
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)
         self._plan = plan_for(config)
@@ -130,6 +133,8 @@ class InverseLaw(Law):
 
 class PassiveLaw(InverseLaw):
     """``inverse`` with the joints' targets slowly corrected by the delayed tip."""
+
+    SENSOR = 'tip_sensor'
 
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)

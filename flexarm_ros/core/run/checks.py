@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from flexarm_ros.core.control import PLANNING
+from flexarm_ros.core.control import LAWS
 from flexarm_ros.core.control.design.motion import horizon_ns
 from flexarm_ros.core.control.open_loop import check_torques
 from flexarm_ros.core.parameters.sections import RunConfig
@@ -42,6 +42,6 @@ def check(config: RunConfig) -> None:
     initial_angles(config)
     if config.controller.law == 'open_loop':
         check_torques(config.torques)
-    if config.controller.law in PLANNING:
+    if LAWS[config.controller.law].PLANS:
         horizon_ns(config)
     check_substeps(config)

@@ -51,7 +51,8 @@ class Part:
     arguments; the topic that arrives last comes first.  ``FOR_THE_RECORD``: it reads every topic.
     ``REPLACEABLE``: an external node may fill the role.  ``LATE``: its messages have the stamp of
     the measurement, as a sensor's; otherwise that of the tick.  ``AHEAD``: it publishes messages
-    before their tick.
+    before their tick.  ``SHARED`` are the keys of its section that other parts read too: a summary
+    keeps them where an external node fills the role.
     """
 
     NAME: ClassVar[str]
@@ -61,6 +62,7 @@ class Part:
     REPLACEABLE: ClassVar[bool] = True
     LATE: ClassVar[bool] = False
     AHEAD: ClassVar[bool] = False
+    SHARED: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def reads(cls, config: RunConfig) -> tuple[str, ...]:

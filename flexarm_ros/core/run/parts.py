@@ -27,7 +27,12 @@ from operator import itemgetter
 import re
 from typing import Any, TYPE_CHECKING
 
-from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS
+from flexarm_ros.core.parameters.sections import (
+    RunConfig,
+    SECTIONS,
+    specs,
+    TrajectoryParameters,
+)
 from flexarm_ros.core.run.part import (
     Answer,
     CLOCK,
@@ -142,6 +147,7 @@ class TipSensorPart(Answer):
     NAME = 'tip_sensor'
     READS = (STATE,)
     LATE = True
+    SHARED = ('location', 'more_locations', 'rate')
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
@@ -197,6 +203,7 @@ class TrajectoryPart(Answer):
 
     NAME = 'trajectory'
     AHEAD = True
+    SHARED = tuple(key for key in specs(TrajectoryParameters) if key != 'delay')
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
