@@ -49,10 +49,11 @@ def messages_of(config: RunConfig) -> list[list[bytes]]:
     topics = per_tick_topics(config)
     ticks: list[list[bytes]] = []
     for block in loop_blocks(ClosedLoop(config)):
-        rows = [
-            t.codec.encode_block(block.stamps[i], block.values[i]) for i, t in enumerate(topics)
+        columns = [
+            [t.codec.encode(int(s), *v) for s, v in zip(stamps, values.tolist(), strict=True)]
+            for t, stamps, values in zip(topics, block.stamps, block.values, strict=True)
         ]
-        ticks += [[row[k].tobytes() for row in rows] for k in range(len(block))]
+        ticks += [list(messages) for messages in zip(*columns, strict=True)]
     return ticks
 
 

@@ -40,11 +40,11 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.stability import boundary as boundary
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.stability.margins import gain_range, poses_along
 from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
+from validation.stability import boundary
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / 'docs' / 'data'
@@ -304,7 +304,7 @@ def held() -> None:
 
 def pictures() -> None:
     """Draw everything from docs/data."""
-    from flexarm_ros.analysis.stability import pictures as stability_pictures
+    from validation.stability import pictures as stability_pictures
 
     for path in stability_pictures.draw_all(DATA, IMAGES):
         print(path)

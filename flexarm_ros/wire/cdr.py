@@ -180,19 +180,9 @@ class Codec:
 
             return generic_decode.values(self.type_name, data, self.fields)
 
-    def encode_block(self, stamps: IntArray, values: FloatArray) -> ByteArray:
-        """
-        Encode many messages: stamps ``(n,)``, ns, values ``(n, fields)``.
-
-        Returns the messages as rows, shape ``(n, size)``, with the same bytes as :meth:`encode`.
-        """
-        rows = np.tile(np.frombuffer(self.template, np.uint8), (len(stamps), 1))
-        self.fill(rows.view(self.record)[:, 0], stamps, values)
-        return rows
-
     def fill(self, records: NDArray[np.void], stamps: IntArray, values: FloatArray) -> None:
         """
-        Set the stamps ``(n,)``, ns, and the values ``(n, fields)`` of encoded messages.
+        Set the stamps ``(n,)``, ns, and the values ``(n, fields)`` of many messages, as `encode`.
 
         ``records`` ``(n,)`` are of the type ``record`` and hold the bytes of ``template``.
         """

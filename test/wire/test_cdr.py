@@ -96,8 +96,9 @@ def test_block_is_message_by_message(codec: Codec) -> None:
     values = np.array([numbers(len(codec.fields), i) for i in range(len(stamps))]).reshape(
         len(stamps), len(codec.fields)
     )
-    rows = codec.encode_block(stamps, values)
-    messages = [row.tobytes() for row in rows]
+    whole = bytearray(codec.template * len(stamps))
+    codec.fill(np.frombuffer(whole, codec.record), stamps, values)
+    messages = [bytes(whole[i : i + codec.size]) for i in range(0, len(whole), codec.size)]
     assert messages == [
         codec.encode(int(s), *v) for s, v in zip(stamps, values.tolist(), strict=True)
     ]

@@ -54,10 +54,11 @@ def small_messages(config: RunConfig) -> tuple[tuple[bytes, ...], ...]:
     topics = per_tick_topics(config)
     found = []
     for block in loop_blocks(ClosedLoop(config)):
-        rows = [
-            t.codec.encode_block(block.stamps[i], block.values[i]) for i, t in enumerate(topics)
+        columns = [
+            [t.codec.encode(int(s), *v) for s, v in zip(stamps, values.tolist(), strict=True)]
+            for t, stamps, values in zip(topics, block.stamps, block.values, strict=True)
         ]
-        found += [tuple(r[k].tobytes() for r in rows) for k in range(len(block))]
+        found += list(zip(*columns, strict=True))
     return tuple(found)
 
 
