@@ -41,8 +41,6 @@ from flexarm_ros.scenario.sweeps.sweep import Sweep
 from flexarm_ros.stability.margins import poses_along, ROUNDING
 from flexarm_ros.stability.sampled_loop import left_out, SampledLoop, sensor_of
 
-"""Laws with time-varying gains: their frozen boundary would not be that of the run."""
-
 MOST_POINTS = 5000
 LONGEST_S = 0.1
 """Longest latency that is analysed: the cost of an eigenvalue grows with its cube."""

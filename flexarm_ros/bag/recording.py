@@ -162,7 +162,7 @@ def _mend_bag(directory: Path, config: RunConfig, provenance: Provenance, work: 
     from flexarm_ros.bag.mcap.recover import recover
 
     rescued = directory / 'bag-rescued'
-    mending = partial(work, 'mending the bag, which the recorder did not finish')
+    mending = partial(work, 'repairing the bag, which the recorder did not finish')
     mending(0.0)
     if not recover(bag, rescued, mending).kept:
         try:

@@ -50,7 +50,7 @@ def simulate(
     is written.
     """
     directory = Path(directory)
-    # There is no wall clock here to run freely by: each tick is answered.
+    # Without a wall clock a free-running scenario is simulated in lock-step.
     config = replace(config, run=replace(config.run, sync='lockstep'))
     loop = ClosedLoop(config)
     prepare_directory(directory, config, name)

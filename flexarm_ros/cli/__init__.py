@@ -16,7 +16,7 @@
 The command ``flexarm``.
 
 Each command is a module here, in `cli.running` (commands that make runs) or in `cli.bags`
-(commands that read them), with ``add_parser(subparsers)`` and ``run(args) -> int``, the exit
+(commands that read them), with ``add_parser(make)`` and ``run(args) -> int``, the exit
 status.  What several of them share is in `cli.options`.  Only the module of the given command is
 imported, so that ``flexarm --help`` is fast and ``simulate`` needs no ROS.
 
@@ -29,6 +29,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import errno
+import functools
 import importlib
 import os
 import sys
@@ -54,10 +55,10 @@ COMMANDS = {
     'stability': ('stability', 'print eigenvalues and margins of the sampled loop'),
     'predict': ('predict', 'compare a recording of an arm with what a scenario predicts'),
     'fit': ('fit', 'estimate parameters of a scenario from recordings of an arm'),
-    'export': ('bags.export', "export a bag's messages as CSV or Parquet"),
+    'export': ('bags.export', "export a bag's messages as CSV, Parquet or MATLAB files"),
     'compare': ('bags.compare', 'compare the messages of two runs'),
-    'view': ('view', 'show a running simulation in a browser'),
-    'doctor': ('doctor', 'print what this machine allows of real time, and its timing'),
+    'view': ('view', 'show a running simulation, or a recorded run, in a browser'),
+    'doctor': ('doctor', 'print the real-time permissions and the timing of this machine'),
 }
 """Command -> (module of this package, one line of help)."""
 
@@ -138,7 +139,8 @@ def build_parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     wanted = next((word for word in argv if not word.startswith('-')), None)
     for name, (module, summary) in COMMANDS.items():
         if name == wanted:
-            importlib.import_module(f'flexarm_ros.cli.{module}').add_parser(subparsers)
+            make = functools.partial(subparsers.add_parser, name, help=summary)
+            importlib.import_module(f'flexarm_ros.cli.{module}').add_parser(make)
         else:
             subparsers.add_parser(name, help=summary, add_help=False)
     return parser

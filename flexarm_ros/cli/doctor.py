@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``flexarm doctor``: what this machine allows of real time, and the timing that it gives."""
+"""``flexarm doctor``: real-time permissions and timing of this machine."""
 
 from __future__ import annotations
 
@@ -31,14 +31,12 @@ from flexarm_ros.cli.version import package_version
 _PRIORITY = 10
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'doctor',
-        help='print what this machine allows of real time, and measure its timing',
-        description='Print what a free-running run (sync: free) may request here (SCHED_FIFO, '
-        'CPUs, locked memory), and measure how late a bare loop with absolute deadlines '
-        '(clock_nanosleep) wakes up, without and, where allowed, with SCHED_FIFO. '
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
+        description='Print which requests of a free-running run (sync: free) are allowed here '
+        '(SCHED_FIFO, CPUs, locked memory), and measure how late a bare loop with absolute '
+        'deadlines (clock_nanosleep) wakes up, without and, where allowed, with SCHED_FIFO. '
         'No node is started.',
     )
     parser.add_argument(
@@ -60,7 +58,7 @@ def _positive(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what is allowed and measured; return 0."""
+    """Print the permissions and the measured timing; return 0."""
     found = {**_machine(), **_allowed(), 'timing': _timing(args.duration, args.rate)}
     if args.json:
         print(json.dumps(found, indent=2))

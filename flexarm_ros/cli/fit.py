@@ -32,15 +32,13 @@ WINDOW = 2.0
 """Default length of the windows, s, except in mode closed_loop."""
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'fit',
-        help='estimate parameters of a scenario from recordings of an arm',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Estimate the numbers KEY of a scenario by least squares, so that it predicts '
         'the recordings DATA (CSV files, runs or bags) best. Each number gets a standard '
         'deviation, from the sensitivities and the correlation time of the residuals, and a '
-        'status: identified, prior (only the prior tells it), or not identifiable. Writes '
+        'status: identified, prior (determined by the prior only), or not identifiable. Writes '
         'fit.json, fitted.yaml (a scenario), pictures and fit.html into DIR. An interrupted fit '
         'continues when started again with the same --out.',
         epilog='Exit status: 0; 1 if the search did not converge; 2 for bad data or a bad '
@@ -54,7 +52,7 @@ def add_parser(subparsers: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--prior', action='append', default=[], metavar='KEY=VALUE+-STD',
-        help='what is known of a free number beforehand; may repeat',
+        help='mean and standard deviation of a free number known beforehand; may repeat',
     )  # fmt: skip
     parser.add_argument(
         '--hold-out', action='append', default=[], metavar='DATA or T0:T1',
@@ -107,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
     for path in files:
         print(path)
     if signals.signum:
-        print('flexarm fit: stopped; the same command goes on', file=sys.stderr)
+        print('flexarm fit: stopped; the same command resumes the search', file=sys.stderr)
         return signals.status
     return 0 if found.complete else 1
 

@@ -24,15 +24,13 @@ from typing import Any
 from flexarm_ros.scenario import locate
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'list',
-        help='list the shipped scenarios and suites',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='List the shipped scenarios, suites and sweeps, one per line. '
         'The other commands accept these names.',
     )
-    parser.add_argument('--paths', action='store_true', help='show where each file is instead')
+    parser.add_argument('--paths', action='store_true', help='show the path of each file instead')
     parser.add_argument(
         '--list-laws', action='store_true',
         help='list the control laws instead, each with the package that it comes from',

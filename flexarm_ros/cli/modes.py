@@ -24,11 +24,9 @@ from typing import Any
 JOINTS = ('locked', 'free', 'shoulder-locked', 'elbow-locked')
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'modes',
-        help='print the natural frequencies of the arm',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Print the natural frequencies (undamped, links straight, at rest) of a '
         "scenario's arm at an elbow angle, in rad/s, without the rigid-body modes. They include "
         "the scenario's hub inertias and end masses; plant.model eq14 gives those of (14).",

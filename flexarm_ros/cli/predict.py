@@ -31,11 +31,9 @@ if TYPE_CHECKING:
 UNITS = {'theta': 'rad', 'tip_': 'm'}
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'predict',
-        help='compare a recording of an arm with what a scenario predicts',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Predict the recording DATA (a CSV, a run or a bag) by the arm and the '
         'sensors of a scenario. Print for each channel the fit, 100 (1 - |y - yhat| / '
         '|y - mean y|), the variance accounted for, and the rms of the residual. CSV columns '

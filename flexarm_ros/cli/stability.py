@@ -33,11 +33,9 @@ MOST_EIGENVALUES = 6
 """Number of eigenvalues printed per gain; a conjugate pair counts once."""
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'stability',
-        help='print eigenvalues and margins of the sampled loop',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Linearise the closed loop of SCENARIO (a file or the name of a shipped one) '
         'about rest at poses along its trajectory, with zero-order-hold torques and the exact '
         'delay. For each pose, print the largest eigenvalue per tick, the range of stable gains '

@@ -29,11 +29,9 @@ from flexarm_ros.cli.options import domain, namespace
 from flexarm_ros.cli.options.page import OWN
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'view',
-        help='show a running simulation, or a recorded run, in a browser',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Serve a page that shows a run: the bending arm, its signals, pause, step, '
         'reset, and sliders for every parameter that may change while running. RUN is a recorded '
         'run, played with a scrubber; without it the page shows what runs in a ROS domain, and '

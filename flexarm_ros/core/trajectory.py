@@ -229,7 +229,7 @@ def _waypoint_sides(config: RunConfig) -> list[Side]:
     assert times is not None and xs is not None and ys is not None
     stamps = [named_ns('trajectory.waypoint_times', t) for t in times]
     if stamps[0] != 0 or any(b <= a for a, b in pairwise(stamps)):
-        raise ValueError(f'trajectory.waypoint_times: {list(times)}, must rise from 0')
+        raise ValueError(f'trajectory.waypoint_times: {list(times)}, must increase from 0')
     if len(stamps) == 1:
         return [Side(0, 1, xs[0], ys[0], 0.0, 0.0)]
     return [

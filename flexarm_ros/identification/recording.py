@@ -54,7 +54,7 @@ UNEVEN = 1e-3
 """Largest deviation of a time step from the mean step, as a fraction, without resampling."""
 
 HELD_S = 0.05
-"""A channel that is exactly constant for at least this time at the start was held, s."""
+"""Time, s, at the start over which an exactly constant channel counts as held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +213,7 @@ def _table(lines: list[str], width: int, name: str) -> FloatArray:
 
 
 def _slow_table(lines: list[str], width: int, name: str) -> FloatArray:
-    """Find the row that cannot be read, and say which it is."""
+    """Read row by row, to name the row that cannot be read."""
     for row, values in enumerate(csv.reader(lines), start=2):
         if len(values) != width:
             raise ScenarioError(f'{name}: row {row}: {len(values)} values, the header has {width}')
@@ -293,10 +293,10 @@ def read_run(path: Path) -> Recording:
 
 def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
     """
-    Return a recording whose channels are moved to when they were measured.
+    Return a recording with its channels shifted to the time of measurement.
 
-    ``delays``: channel -> age of its samples, s.  Linear between samples; the last ones, which
-    are not there, repeat the last value.
+    ``delays``: channel -> age of its samples, s.  Linear between samples; past the end
+    the last value is repeated.
     """
     channels = dict(recording.channels)
     times = recording.times

@@ -152,7 +152,7 @@ def _fly(
     stem = Path(name).stem
     if mode == 'simulate':
         if nodes:
-            raise ValueError("mode 'simulate' has no place for nodes; use mode 'run'")
+            raise ValueError("mode 'simulate' starts no nodes; use mode 'run'")
         from flexarm_ros.bag.simulation import simulate
 
         summary = simulate(config, directory, stem)

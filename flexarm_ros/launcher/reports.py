@@ -56,7 +56,7 @@ class Report:
     timing: str = ''
     """Timing of a free-running run so far, for the progress line."""
     remarks: list[str] = field(default_factory=list)
-    """What the plant has to tell the user, oldest first."""
+    """Remarks of the plant for the user, oldest first."""
 
     def take(self, line: dict[str, Any]) -> None:
         """Process one line of a node."""
@@ -93,7 +93,7 @@ class RunWatch:
         self.external = frozenset(external)
         self.deaths: list[tuple[str, int]] = []
         self.dispensable: frozenset[str] = frozenset()
-        """Nodes without which the run goes on."""
+        """Nodes whose end does not end the run."""
         self._verdict = ''
         self._logs = logs
         self.ending = False
@@ -153,7 +153,7 @@ class RunWatch:
 
     @property
     def _dispensable(self) -> frozenset[str]:
-        """Nodes without which the run goes on now: it has begun."""
+        """Nodes whose end does not end the run, which has begun."""
         return frozenset() if self.report.started_at is None else self.dispensable
 
     def ended(self, name: str, status: int) -> None:
@@ -191,7 +191,7 @@ class RunWatch:
         self._heard = self._heard or len(self.report.failures)
 
     def settle(self) -> str:
-        """Return what `blame` says now, and will go on to say: it is being told."""
+        """Return the text of `blame`, which no longer changes: it is shown to the user now."""
         self._verdict = self.blame()
         return self._verdict
 

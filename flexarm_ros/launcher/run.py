@@ -110,14 +110,13 @@ def run_scenario(
     """
     Run ``config`` as ROS 2 nodes and return the outcome.
 
-    ``directory`` must not exist, or be empty.  ``stop`` is asked often; when it
-    says True the run is ended in good order.  ``verdict`` gets the outcome's ``problem`` as soon
-    as a node has made the run fail, before the nodes have ended and the files are finished;
-    ``work`` receives the progress of the bag's recovery, ``timing`` the timing of a free-running
-    run so far; ``beside`` returns, for the ROS domain, a context that lasts as long as the nodes
-    run.  Raises NoDomainError, OSError or
-    BagError before anything is started, BagError too if the files of a run without a
-    problem cannot be finished.
+    ``directory`` must not exist, or be empty.  ``stop`` is called often; once it returns True the
+    run is ended in order.  ``verdict`` gets the outcome's ``problem`` as soon as a node has made
+    the run fail, before the nodes have ended and the files are finished; ``work`` receives the
+    progress of the bag's recovery, ``timing`` the timing of a free-running run so far; ``beside``
+    returns, for the ROS domain, a context that lasts as long as the nodes run.  Raises
+    NoDomainError, OSError or BagError before anything is started, BagError too if the files of a
+    run without a problem cannot be finished.
     """
     check_roles(options.without, config)
     check_commands(options.nodes, config)
@@ -148,12 +147,12 @@ def run_scenario(
 
 
 def dispensable(config: RunConfig) -> frozenset[str]:
-    """Return the roles without which a run goes on."""
+    """Return the roles whose end does not end the run."""
     return frozenset([ControllerPart.NAME] if outlives_controller(config) else [])
 
 
 class Reported:
-    """Passes on what the nodes report of a run that goes on."""
+    """Passes on the reports of the nodes during a run."""
 
     def __init__(
         self, watch: Watch, announce: Callable[[str], None], timing: Callable[[str], None]
@@ -161,7 +160,7 @@ class Reported:
         self._watch, self._announce, self._timing = watch, announce, timing
 
     def __call__(self, nodes: RunWatch, total: int) -> None:
-        """Pass on what is new; ``total``: ticks of the run."""
+        """Pass on new reports; ``total``: ticks of the run."""
         report = nodes.report
         while report.remarks:
             self._announce(report.remarks.pop(0))
@@ -172,7 +171,7 @@ class Reported:
 def _tell(
     nodes: NodeProcesses, verdict: Callable[[str], None], again_without: Sequence[str] | None
 ) -> None:
-    """Tell why the run failed, unless its nodes never met and will be started again."""
+    """Report why the run failed, unless its nodes did not connect and start again."""
     if again_without is None or not nodes.never_met(again_without):
         verdict(nodes.settle())
 
@@ -194,7 +193,7 @@ def finish(
     beside: Callable[[int], AbstractContextManager[None]] = lambda _: nullcontext(),
 ) -> RunOutcome:
     """
-    Write what is left to write when all nodes have ended; return how the run went.
+    Write the remaining files after all nodes have ended; return the outcome.
 
     Raises BagError if that fails and the run has no other problem.
     """
@@ -351,7 +350,7 @@ def _supervise(
 
 
 def _await_verdict(nodes: NodeProcesses) -> None:
-    """Take what comes in after the first failure; for a dead node, the recorder's last ticks."""
+    """Read the reports after the first failure; for a dead node, the recorder's last ticks."""
     deadline = time.monotonic() + VERDICT_S
     nodes.poll(VERDICT_S)
     while nodes.deaths and (left := deadline - time.monotonic()) > 0.0:

@@ -77,7 +77,7 @@ class PlantNode(Participant):
             self.control.rtf = 1.0
 
     def make_endpoints(self) -> None:
-        """Create them; in a free-running run, one for the commands that are held."""
+        """Create the endpoints; a free-running run has one more, for the held commands."""
         super().make_endpoints()
         for topic in self.inputs.copy().values():
             name = topic.topic.recorded_from
@@ -85,7 +85,7 @@ class PlantNode(Participant):
                 self.outputs[name] = Output(self, applied(topic.topic))
 
     def make_input(self, topic: Topic) -> Input:
-        """Return the reading end of the torques: in a free-running run the newest counts."""
+        """Return the input of the torques; that of a free-running run takes the newest."""
         kind = CommandInput if topic.recorded_from else Input
         return kind(self, topic, self.invalid_message)
 
@@ -130,7 +130,7 @@ class PlantNode(Participant):
             self.waiting.check_ready(now)
 
     def _ask_system(self) -> None:
-        """Request what steady timing needs, once, and tell what was granted."""
+        """Request real-time scheduling of the system, once, and report what was granted."""
         if self._asked:
             return
         self._asked = True
@@ -170,7 +170,7 @@ class PlantNode(Participant):
         return True
 
     def _step(self, torque: Sequence[float]) -> str:
-        """Integrate over a tick; return what makes the arm unstable behind it, or nothing."""
+        """Integrate over a tick; return the reason of instability after it, empty if stable."""
         if len(self._read) > 1:
             self.plant.disturb(self.tick, *self._read[1].values)
         self.plant.step(*torque)
@@ -185,7 +185,7 @@ class PlantNode(Participant):
         now = time.monotonic()
         if not self._sent:
             if not self.control.paused:
-                self.control.begin(self.tick)  # the first tick sets the time of all
+                self.control.begin(self.tick)  # all deadlines count from the first tick
             now = time.monotonic()
             self._send()
             self._sent = True
@@ -198,7 +198,7 @@ class PlantNode(Participant):
                 self._end_free(trouble)
                 return False
             self.tick += 1
-            self._send()  # first what others wait for
+            self._send()  # messages that other nodes wait for come first
             free.tell(self.tick - 1, torque)
         free.begin(self.tick, now)
         return True
@@ -212,7 +212,7 @@ class PlantNode(Participant):
 
     @property
     def _following(self) -> int:
-        """The tick that is to be published next; in lock-step the last one is answered first."""
+        """Return the tick to publish next; in lock-step the last one must be answered."""
         return self.tick + (self._sent and self._free is not None)
 
     def _send(self) -> None:
@@ -256,7 +256,7 @@ class PlantNode(Participant):
         return bool(self._holds) and self.tick >= self._holds[0]
 
     def _finish(self) -> None:
-        """Leave a run that is complete; tell if the requested speed could not be held."""
+        """Leave a run that is complete; report if the requested speed could not be held."""
         if self._free is not None:
             self._tell_loss(self._free)
         if shortfall := self.control.shortfall(self.tick):
@@ -290,7 +290,7 @@ class PlantNode(Participant):
             self._remark(free.lost or 'torques arrive again')
 
     def _remark(self, text: str) -> None:
-        """Tell the user, in the log and through the launcher."""
+        """Log a remark and report it to the launcher."""
         self.get_logger().warning(text)
         self.supervisor.report(self.ROLE, remark=text)
 

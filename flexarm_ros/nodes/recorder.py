@@ -65,7 +65,7 @@ class RecorderNode(Participant):
         self._due, self._look_s = 0.0, _LOOK_S
 
     def make_input(self, topic: Topic) -> Input:
-        """Return the reading end of a topic: of the one that it is recorded from."""
+        """Return the input of a topic, or of the topic that it is recorded from."""
         if topic.recorded_from:
             return AppliedInput(self, applied(topic), self.invalid_message)
         return super().make_input(topic)

@@ -19,9 +19,9 @@ A part is named by an installed entry point of the group ``flexarm_ros.parts``; 
 where a scenario has the section of that name, and in no other way.
 
 A law is named by an installed entry point of the group ``flexarm_ros.laws``, or as
-``package.module:Class``.  The second is imported only where the user says so: in a scenario file,
-an override or a call, never because a bag or another node names it.  For those it takes an entry
-point of that value, or `trust`.
+``package.module:Class``.  The second is imported only if a scenario file, an override or a call
+of the user names it, never because a bag or another node does.  For those an entry point of that
+value is needed, or `trust`.
 """
 
 from __future__ import annotations
@@ -120,9 +120,9 @@ def find_laws(law: object, names: Iterable[str], user: bool) -> None:
     Import and register what a section ``controller`` needs.
 
     ``law`` is the value of its key ``law``, ``names`` are its keys, of which the first part may
-    name an installed law.  ``user``: the user says it, so that ``package.module:Class`` is
-    imported.  What is not found is left to the check of keys and values.  Raises ScenarioError
-    where a law cannot be imported or is none.
+    name an installed law.  ``user``: the name comes from the user, so that
+    ``package.module:Class`` is imported.  What is not found is left to the check of keys and
+    values.  Raises ScenarioError where a law cannot be imported or is none.
     """
     known = specs(SECTIONS['controller'])
     if isinstance(law, str) and law not in known['law'][1].choices:

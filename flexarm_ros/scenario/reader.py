@@ -61,7 +61,7 @@ _OF_ROS = ('qos_overrides.', 'use_sim_time.', 'start_type_description_service.')
 
 def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -> RunConfig:
     """
-    Read a scenario and return it whole and checked.
+    Read a scenario and return it complete and checked.
 
     ``source`` is a path, the name of a shipped scenario, or several of them (a later file
     wins, as with several ``--params-file``).  ``overrides`` are texts ``node.key=value``
@@ -122,8 +122,8 @@ def from_dict(
 
     Keys may be dotted or nested, a value ``None`` means left out (so that ``to_dict`` is
     undone).  A torque file is opened only if ``torque_base``, the directory to which its
-    path is relative, is given.  ``user``: the user says it, so that a law
-    ``package.module:Class`` is imported.  Raises ScenarioError, one line.
+    path is relative, is given.  ``user``: the data come from the user, so
+    that a law ``package.module:Class`` is imported.  Raises ScenarioError, one line.
     """
     values: Values = {}
     for section, body in data.items():
@@ -358,9 +358,9 @@ def build(
     values: Values, torques: Torques = (), torque_base: Path | None = None, whole: bool = True
 ) -> RunConfig:
     """
-    Return the RunConfig of what was given, defaults filled in.
+    Return the RunConfig of the given values, with defaults.
 
-    Each value is checked, and with ``whole`` that they fit together.  Raises ScenarioError.
+    Each value is checked, and with ``whole`` their consistency.  Raises ScenarioError.
     """
     config = RunConfig()
     present = {section for section, _ in values}

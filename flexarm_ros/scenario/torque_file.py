@@ -85,7 +85,7 @@ def check_order(rows: list[tuple[float, float, float]], place: str) -> None:
         raise ScenarioError(f'{place}: more than the {MAX_ROWS} rows allowed')
     if len(rows) > 1 and rows[-1][0] < rows[-2][0]:
         raise ScenarioError(
-            f'{place}: t is {rows[-1][0]!r} after {rows[-2][0]!r}; times must not fall'
+            f'{place}: t is {rows[-1][0]!r} after {rows[-2][0]!r}; times must not decrease'
         )
 
 

@@ -124,7 +124,7 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
 
 
 def applied(command: Topic) -> Topic:
-    """Return the topic on which the plant tells which ``command`` it held."""
+    """Return the topic on which the plant publishes the ``command`` that it held."""
     name = command.recorded_from
     return replace(command, name=name, node=parts.PlantPart.NAME, recorded_from='')
 

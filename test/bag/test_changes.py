@@ -100,7 +100,7 @@ def test_changes_are_exported_and_compared(tmp_path: Path, config: RunConfig) ->
     assert len((tmp_path / 'tables' / 'trajectory.csv').read_text().splitlines()) == 151
     plain = write_changed(tmp_path / 'b', replace(config, changes=()))
     result = compare(path, plain)
-    assert result.parameters == ['changed on the way: 6 and 0 times, not alike']
+    assert result.parameters == ['parameters changed during the run: 6 and 0 times, differently']
     assert not result.within
     export(plain, tmp_path / 'plain', 'csv')
     assert not (tmp_path / 'plain' / 'changes.csv').exists()

@@ -128,7 +128,7 @@ def test_the_mending_of_a_run_says_how_far_it_is(
         tmp_path / 'run', CONFIG, 'small', work=lambda text, share: told.append((text, share))
     )
     assert summary['ticks'] == 2 * CHUNK
-    assert {text for text, _ in told} == {'mending the bag, which the recorder did not finish'}
+    assert {text for text, _ in told} == {'repairing the bag, which the recorder did not finish'}
     assert told[0][1] == 0.0 and told[-1][1] == 1.0
     finish_run(tmp_path / 'run', CONFIG, 'small', work=lambda *_: pytest.fail('mended twice'))
 
@@ -258,7 +258,7 @@ def test_command(
     status, out, _ = call(sound[: chunk_ends[3]], 'part')
     assert status == 3
     assert out.startswith('in part: 1200 messages, 200 of 300 ticks')
-    assert 'breaks off' in out
+    assert 'is truncated' in out
     status, _, err = call(sound[:100], 'none')
     assert status == 1
     assert err.startswith('nothing: ')

@@ -197,7 +197,7 @@ def test_held_samples_of_which_some_are_lost(tmp_path: Path) -> None:
     assert not verdict.first
     assert verdict.faults == ['tick 59: no message on /tip_sensor/odometry']
     reader = BagReader(path)
-    assert list(reader.names) and 'with --scenario FILE it could' in reader.notes[-1]
+    assert list(reader.names) and '--scenario FILE may determine them' in reader.notes[-1]
 
 
 @pytest.mark.parametrize('first', [1, 57])
@@ -469,7 +469,7 @@ def test_unchunked_is_recovered_as_far_as_it_goes(tmp_path: Path) -> None:
     assert 0 < rescue.kept < len(all_of())
     assert verify(tmp_path / 'part', given=CONFIG).first == {}
     verdict = verify(cut, given=CONFIG)
-    assert any('the file does not hold whole' in note for note in verdict.faults)
+    assert any('a truncated record' in note for note in verdict.faults)
 
 
 def test_our_own_run_rewritten_without_chunks(own: Path, tmp_path: Path) -> None:

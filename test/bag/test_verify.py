@@ -205,8 +205,8 @@ def test_nothing_recorded_is_nothing_proved(
     (tmp_path / 'front.mcap').write_bytes(sound[:front])
     verdict = verify(tmp_path / 'front.mcap')
     assert not verdict.same
-    assert verdict.faults[0] == 'no message in it: nothing is proved'
-    assert len(verdict.faults) == 2 and 'the file breaks off' in verdict.faults[1]
+    assert verdict.faults[0] == 'no message in it: nothing is verified'
+    assert len(verdict.faults) == 2 and 'the file is truncated' in verdict.faults[1]
     assert main(['verify', str(tmp_path / 'front.mcap')]) == 1
     assert 'the same' not in capsys.readouterr().out
 

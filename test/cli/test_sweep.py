@@ -134,7 +134,7 @@ def test_a_sweep_that_was_cut_off_goes_on(
     Path('out/table.csv').unlink()
     assert sweep(str(file), '--out', 'out', '--workers', '1') == 0
     shown = capsys.readouterr()
-    assert f'{COUNT - 2} of {COUNT} runs are there already' in shown.err
+    assert f'{COUNT - 2} of {COUNT} runs have results already' in shown.err
     assert f'{COUNT} of {COUNT} runs: ' in shown.out
     assert re.search(r'^flexarm sweep: \d+ runs in \S+ s, \S+ a second$', shown.err, re.M)
     assert Path('out/table.csv').read_bytes() == (finished / 'table.csv').read_bytes()

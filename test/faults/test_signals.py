@@ -312,7 +312,7 @@ def test_the_mending_of_a_bag_is_reported(tmp_path: Path) -> None:
         launcher.wait()
     said = [line for line in errors.splitlines() if 'recorder' in line]
     assert said[0].startswith('flexarm run: recorder: tick ')
-    assert said[1:] == ['fls_tip: mending the bag, which the recorder did not finish: 0% done']
+    assert said[1:] == ['fls_tip: repairing the bag, which the recorder did not finish: 0% done']
     assert (out / 'bag-damaged').exists()
 
 

@@ -323,7 +323,7 @@ def test_a_stopped_fit_keeps_the_best_and_goes_on(arm: Path, noisy: Path, tmp_pa
     whole = fit(prepare([noisy], arm, **options), state=state)
     assert whole.complete
     assert whole.parameters['plant.link_end_mass']['value'] == pytest.approx(1.8, rel=0.01)
-    with pytest.raises(ScenarioError, match='of another fit'):
+    with pytest.raises(ScenarioError, match='belongs to another fit'):
         fit(prepare([noisy], arm, free=FREE, window=0.5), state=state)
 
 

@@ -107,7 +107,7 @@ def test_what_cannot_be_flown_is_an_error(flexarm_run: Fly, tmp_path: Path) -> N
         flexarm_run('fls_tip', {'controler.kp': 1.0})
     with pytest.raises(ValueError, match="mode 'fly' is not allowed"):
         flexarm_run('fls_tip', mode='fly')
-    with pytest.raises(ValueError, match='no place for nodes'):
+    with pytest.raises(ValueError, match='starts no nodes'):
         flexarm_run('fls_tip', nodes={'controller': EXAMPLE}, mode='simulate')
     with pytest.raises(ValueError, match='plant: not a node to replace'):
         flexarm_run('fls_tip', nodes={'plant': EXAMPLE})
@@ -120,7 +120,7 @@ def test_what_cannot_be_flown_is_an_error(flexarm_run: Fly, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ('given', 'words'),
     [
-        ('plant=true', "'plant' is none of encoder"),
+        ('plant=true', "'plant' is not one of encoder"),
         ('controller', "no such command: ''"),
         ('controller=no-such-command -x', "no such command: 'no-such-command'"),
         ("controller='", 'no closing quotation'),

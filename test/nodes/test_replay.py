@@ -279,7 +279,10 @@ def short_array(command: Any, count: int) -> None:
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        (late_stamp, 'tick 3: no joint_command within 2 s; one with stamp 1003000007 ns came'),
+        (
+            late_stamp,
+            'tick 3: no joint_command within 2 s; one with stamp 1003000007 ns arrived, expected',
+        ),
         (short_array, 'tick 3: joint_command: '),
     ],
 )

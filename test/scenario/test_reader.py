@@ -193,7 +193,7 @@ WRONG = {
     ),
     "way points' order": (
         way_points('0, 1, 1', '5, 5, 5', '0, 0, 0'),
-        ['trajectory.waypoint_times', '1.0, 1.0', 'must rise'],
+        ['trajectory.waypoint_times', '1.0, 1.0', 'must increase'],
     ),
     "way points' start": (
         way_points('1', '5', '0'),

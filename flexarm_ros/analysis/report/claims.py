@@ -98,7 +98,7 @@ def _cases(
                 f'{run.name} was recorded with external nodes: {", ".join(run.external)}.'
             )
         elif name is None:
-            remarks.append(f"{run.name} is none of the paper's ten cases as they are shipped.")
+            remarks.append(f"{run.name} is not one of the paper's ten cases as shipped.")
         elif name in cases:
             remarks.append(f'{run.name} is the same case as {cases[name].name}.')
         else:

@@ -261,4 +261,5 @@ def _parameters(reader_a: BagReader, reader_b: BagReader) -> Iterator[str]:
     if a.torques != b.torques:
         yield 'controller.torque_file: other rows'
     if a.changes != b.changes:
-        yield f'changed on the way: {len(a.changes)} and {len(b.changes)} times, not alike'
+        counts = f'{len(a.changes)} and {len(b.changes)} times'
+        yield f'parameters changed during the run: {counts}, differently'

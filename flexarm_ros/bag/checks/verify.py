@@ -244,7 +244,7 @@ class _Run:
         late_recorder = first == 0 and not self._reader.own
         span = f'tick {first} is' if tick == first + 1 else f'ticks {first} to {tick - 1} are'
         (self._verdict.notes if late_recorder else self._verdict.faults).append(
-            f'{span} missing; encoder, tip sensor and controller are not judged behind that'
+            f'{span} missing; encoder, tip sensor and controller are not verified after that'
         )
         while self._loop is not None and self._loop.k < tick:
             if self._loop.tick() is None:
@@ -254,7 +254,7 @@ class _Run:
         """Note why a run ends early."""
         verdict, loop = self._verdict, self._loop
         if not any(self.counts):
-            verdict.faults.append('no message in it: nothing is proved')
+            verdict.faults.append('no message in it: nothing is verified')
             return
         self._say_judged()
         if self._ragged:
@@ -274,7 +274,7 @@ class _Run:
             )
             return
         verdict.notes.append(
-            f'ends at tick {self._last} of {verdict.planned}, compared as far as it goes'
+            f'ends at tick {self._last} of {verdict.planned}, compared up to there'
         )
 
     def _say_judged(self) -> None:
@@ -287,7 +287,7 @@ class _Run:
             judged = self._verdict.compared.get(node, 0)
             if node != LOOP and judged < count:
                 self._verdict.notes.append(
-                    f'{node}: inputs are missing, {judged} of {count} messages judged by them'
+                    f'{node}: inputs are missing, {judged} of {count} messages verified from them'
                 )
 
 

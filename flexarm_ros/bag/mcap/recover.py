@@ -176,7 +176,7 @@ def recover(
 
 
 def _survey(path: Path, rescue: Rescue, watch: Callable[[float], None]) -> Front:
-    """Look through the whole file: what it says of itself, and what there is to rescue."""
+    """Scan the file for its description and its recoverable messages."""
     front = Front()
     for record in _sound_records(path, rescue, watch):
         try:
@@ -192,7 +192,7 @@ def _survey(path: Path, rescue: Rescue, watch: Callable[[float], None]) -> Front
                     front.attachments[name] = data
     if rescue.keeps_loose:
         loose = counted(rescue.loose, 'message')
-        rescue.note(f'no checksum proves {loose} outside of chunks')
+        rescue.note(f'no checksum covers {loose} outside of chunks')
     return front
 
 
@@ -255,7 +255,7 @@ def _start(scanner: Scanner, rescue: Rescue) -> int | None:
     if scanner.is_mcap():
         return None
     rescue.harmed = True
-    rescue.note("the start of the file is no MCAP file's")
+    rescue.note('the file does not start as an MCAP file does')
     return scanner.next_chunk(0) or 0
 
 
@@ -348,7 +348,9 @@ def _rescue_run(
             index = topic_index(front, topics)
             check_complete(path, topics, [index])
         except BagContentError as error:
-            rescue.note(f'{str(error).removeprefix(f"{path}: ")}; our own order assumed')
+            rescue.note(
+                f'{str(error).removeprefix(f"{path}: ")}; the order of this package is assumed'
+            )
     altering = {c.id for c in front.channels.values() if c.topic == changes.PATH}
     unexpected = front.channels.keys() - index.keys() - altering
     seen = np.zeros((timeline.ticks, len(topics)), dtype=bool)
@@ -398,7 +400,7 @@ def _rescue_plain(
 ) -> None:
     """Write the sound messages without a scenario, as their channels describe them."""
     if not front.channels:
-        rescue.note('nothing says what its channels hold')
+        rescue.note('the description of its channels is lost')
         return
     with PlainWriter(target, front, rescue.as_recorded) as writer:
         for messages in portions:

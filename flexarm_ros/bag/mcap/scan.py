@@ -175,13 +175,13 @@ class Scanner:
         self._file.seek(position)
         self._head = self._file.read(_HEAD.size)
         if len(self._head) < _HEAD.size:
-            raise Damage(self.path, position, 'the file breaks off')
+            raise Damage(self.path, position, 'the file is truncated')
         opcode, length = _HEAD.unpack(self._head)
         if opcode not in _KNOWN and opcode < 0x80:  # 0x80 and above: private, to be ignored
             raise Damage(self.path, position, f'no record (opcode {opcode})')
         end = position + _HEAD.size + length
         if end > self.size:
-            raise Damage(self.path, position, 'a record that the file does not hold whole')
+            raise Damage(self.path, position, 'a truncated record')
         self._skipped = 0
         if opcode == Opcode.CHUNK and not bodies:
             self._skipped = end
@@ -201,7 +201,7 @@ class Scanner:
             return
         # Without a summary its start is 0, and the checksum covers the footer alone.
         if summary < 0 or (footer.summary_start or record.offset) != summary:
-            raise Damage(self.path, record.offset, 'the place of the summary')
+            raise Damage(self.path, record.offset, 'the position of the summary')
         self._file.seek(summary)
         left, crc = position - 4 - summary, 0
         while left > 0:

@@ -271,7 +271,7 @@ def _assign(
 
 
 def _left_out(name: str, config: RunConfig | None) -> str:
-    hint = 'stamps do not fit the scenario' if config else 'with --scenario FILE it could'
+    hint = 'stamps do not fit the scenario' if config else '--scenario FILE may determine them'
     return f'{name} is left out: messages are missing, so that its ticks are unknown ({hint})'
 
 

@@ -28,11 +28,9 @@ if TYPE_CHECKING:
     from flexarm_ros.bag.checks.compare import Comparison, FieldDifference
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'compare',
-        help='compare the messages of two runs',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Compare the messages of two runs (directories, bags or .mcap files) at equal '
         'times since the start, field by field. A value is beyond tolerance where '
         '|A - B| > ATOL + RTOL |B|.',
@@ -41,9 +39,13 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument('a', metavar='A', help='output directory of a run, or its bag')
     parser.add_argument('b', metavar='B', help='output directory of the second run, or its bag')
-    parser.add_argument('--atol', type=_tolerance, default=0.0, help='absolute (default 0)')
-    parser.add_argument('--rtol', type=_tolerance, default=0.0, help='relative (default 0)')
-    parser.add_argument('--json', action='store_true', help='machine-readable')
+    parser.add_argument(
+        '--atol', type=_tolerance, default=0.0, help='absolute tolerance (default 0)'
+    )
+    parser.add_argument(
+        '--rtol', type=_tolerance, default=0.0, help='relative tolerance (default 0)'
+    )
+    parser.add_argument('--json', action='store_true', help='print JSON instead of text')
     add_bag_options(parser)
 
 

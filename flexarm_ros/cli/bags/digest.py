@@ -20,11 +20,9 @@ import argparse
 from typing import Any
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'digest',
-        help='print one SHA-256 of all messages of a run',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Print one SHA-256 of topic, log time and bytes of every message in RUN (a '
         "run's directory, the bag in it or the .mcap file). Runs with equal digests hold the same "
         'messages; scenario, versions and compression do not count.',

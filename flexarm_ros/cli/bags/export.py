@@ -23,11 +23,9 @@ from typing import Any
 from flexarm_ros.cli.options.bags import add_bag_options, given_scenario
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'export',
-        help="export a bag's messages as CSV, Parquet or MATLAB files",
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description="Write one table for each topic of BAG (a run's directory, the bag in it or "
         'the .mcap file), the trajectory, and scenario.yaml, which repeats the run, into the new '
         'directory DIR. Parquet needs pyarrow. A MATLAB file has one struct of column '

@@ -23,11 +23,9 @@ from typing import Any
 from flexarm_ros.cli.options.bags import add_trust_option
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'recover',
-        help='recover a damaged bag into a new one',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description="Copy every intact chunk of the bag of RUN (a run's directory, its bag or "
         'the .mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.',
     )

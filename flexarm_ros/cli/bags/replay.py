@@ -30,11 +30,9 @@ from flexarm_ros.cli.options.output import check_utf8
 from flexarm_ros.scenario.yaml.rclyaml import quoted
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'replay',
-        help='publish a recorded run again',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         usage='flexarm replay RUN [options]',
         description='Publish every message of RUN (its directory, the bag in it or the .mcap '
         'file) again, with /clock, in the recorded order. Playback is controlled by the services '

@@ -29,11 +29,9 @@ if TYPE_CHECKING:
     from flexarm_ros.analysis.report.runs import ReportedRun
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'report',
-        help='write figures and an HTML report of runs',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Write a self-contained HTML page, which works offline, and figures (PNG and '
         "SVG) of one run or of several overlaid: metrics, the paper's claims, paths, time series, "
         'an animation of the arm, the fuzzy logic system, the scenario.',
@@ -90,5 +88,5 @@ def _load(args: argparse.Namespace) -> list[ReportedRun]:
             if len(args.runs) == 1 or not skips(path, 'report'):
                 raise
     if not runs:
-        raise UsageError('none of these is a run')
+        raise UsageError('none of the paths is a run')
     return runs

@@ -30,11 +30,9 @@ _OTHER_SOURCE = 'recorded by other source code, which may give other numbers:'
 _OTHER_VERSIONS = 'recorded with other versions, which must give the same numbers:'
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'verify',
-        help='recompute a recorded run and compare every message',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description="Recompute each RUN (a run's directory, the bag in it or the .mcap file) from "
         'the scenario in the bag (or --scenario), node by node from the recorded inputs and as a '
         'closed loop, and compare every recorded message byte for byte.',
@@ -61,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         return _verify(args, args.runs[0])
     statuses = [_one_of_several(args, path) for path in args.runs]
     if set(statuses) == {None}:
-        raise UsageError('none of these is a run')
+        raise UsageError('none of the paths is a run')
     return max(status for status in statuses if status is not None)
 
 
@@ -116,6 +114,6 @@ def _show(verdict: Verdict) -> None:
                 '(--without NODE) or other source code'
             )
         elif not verdict.other_source:
-            print('the source is the same: the bag was changed, or this is a fault of flexarm_ros')
+            print('the source is the same: the bag was changed, or flexarm_ros has a bug')
     else:
-        print('the same' if verdict.same else 'NOT AS IT SHOULD BE: see above')
+        print('the same' if verdict.same else 'NOT VERIFIED: see above')

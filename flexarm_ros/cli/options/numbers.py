@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Numbers on the command line; each option has its own limits and words for them."""
+"""Numbers on the command line; each option has its own limits and error text."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import math
 
 
 def number(text: str) -> float:
-    """Return the number that ``text`` is, nan if it is none: then it is within no limits."""
+    """Return ``text`` as a number; nan, which no limits include, if it is none."""
     try:
         return float(text)
     except ValueError:

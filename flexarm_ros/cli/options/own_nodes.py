@@ -53,7 +53,7 @@ def check_roles(option: str, given: Iterable[str], config: RunConfig) -> None:
     allowed = replaceable(config)
     for role in given:
         if role not in allowed:
-            raise UsageError(f"{option}: '{role}' is none of {', '.join(allowed)}")
+            raise UsageError(f"{option}: '{role}' is not one of {', '.join(allowed)}")
 
 
 def _assignment(text: str) -> tuple[str, list[str]]:

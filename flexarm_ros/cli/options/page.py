@@ -57,7 +57,7 @@ def check_port(port: int) -> None:
 def page_beside(
     domain: int, namespace: str, port: int, say: Callable[[str], None]
 ) -> Iterator[None]:
-    """Serve the page of the run in that domain; tell its address as soon as it is served."""
+    """Serve the page of the run in that domain; print its address once it is served."""
     command = [
         sys.executable, '-m', 'flexarm_ros.cli', 'view', '--domain', str(domain),
         '--port', str(port), '--foxglove-port', '0',

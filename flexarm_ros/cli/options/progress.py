@@ -103,7 +103,7 @@ class Progress(_Shown):
         self._timing = text
 
     def work(self, text: str, share: float) -> None:
-        """Take what is done after the run, and the share of it that is done."""
+        """Show a step after the run and the completed share of it."""
         if text != self._work:
             self._work, self._last_line = text, -math.inf
         if self._bar is not None:

@@ -36,11 +36,9 @@ _NO_ROS = (
 )
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'run',
-        help='run a scenario as ROS 2 nodes in lock-step and record it',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Run SCENARIO (a file or the name of a shipped one) with one process per '
         'node, in lock-step on one simulated clock, and record every message in a bag.',
     )

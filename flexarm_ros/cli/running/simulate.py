@@ -34,11 +34,9 @@ if TYPE_CHECKING:
 Watch = Callable[[int, int], None]
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'simulate',
-        help='simulate a scenario in one process, without ROS',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Simulate SCENARIO (a file or the name of a shipped one) in this process. '
         'Numbers and files are those of `flexarm run`, but ROS is not needed.',
         epilog='Exit status: 0; 1 if the arm becomes unstable; 2 for a bad scenario.',

@@ -31,11 +31,9 @@ if TYPE_CHECKING:
     from flexarm_ros.scenario.suites.suite import Case
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'suite',
-        help='run many scenarios and check their expectations',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Run every case of SUITE (a file or the name of a shipped one), each in its '
         'own ROS domain and processes, and check its expectations, comparisons and claims.',
     )
@@ -47,7 +45,10 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument('--junit', type=Path, metavar='FILE', help='write JUnit XML')
     parser.add_argument(
-        '--jobs', type=_count, metavar='N', help='concurrent cases (default: from the cores)'
+        '--jobs',
+        type=_count,
+        metavar='N',
+        help='concurrent cases (default: from the number of cores)',
     )
     parser.add_argument(
         '--mode', choices=('run', 'compose', 'simulate'),

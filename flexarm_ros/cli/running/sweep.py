@@ -35,11 +35,9 @@ if TYPE_CHECKING:
 MOST_REASONS = 3
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the command to the main parser."""
-    parser = subparsers.add_parser(
-        'sweep',
-        help='run a parameter sweep in parallel into one table',
+def add_parser(make: Any) -> None:
+    """Add the command to the main parser; ``make`` returns its parser."""
+    parser = make(
         description='Execute every run of SWEEP (a file or the name of a shipped one) in local '
         'processes or on a Dask cluster, and write one table and figures. Here stable means only '
         'that the run reached its end. For two parameters the figures and linear.csv also show '
@@ -107,7 +105,7 @@ def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop:
         return
     done = sweep.count - len(missing)
     if done:
-        print(f'flexarm sweep: {done} of {sweep.count} runs are there already', file=sys.stderr)
+        print(f'flexarm sweep: {done} of {sweep.count} runs have results already', file=sys.stderr)
     cases = [sweep.case(index) for index in missing]
     tasks = [(case.index, case.base, case.overrides) for case in cases]
     start = time.monotonic()

@@ -78,5 +78,5 @@ def check_torques(rows: tuple[Row, ...]) -> None:
         if after[0] < before[0]:
             raise ValueError(
                 f'controller.torque_file: row {number}: t = {after[0]!r} s after {before[0]!r} s, '
-                'times must not fall'
+                'times must not decrease'
             )

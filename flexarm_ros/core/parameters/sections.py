@@ -367,7 +367,7 @@ class ControllerParameters(PlanningParameters, FeedbackParameters):
     laws: tuple[tuple[str, Any], ...] = ()
 
     def own(self, law: str = '') -> Any:
-        """Return the parameters of the registered ``law``, left out: of this one's, or None."""
+        """Return the parameters of the registered ``law``, by default of this law, or None."""
         found = OWN_LAWS.get(law or self.law)
         if found is None:
             return None
@@ -528,7 +528,7 @@ def values_of(config: RunConfig, section: str) -> dict[str, Any]:
 
 
 def made(section: str, values: Mapping[str, Any]) -> Any:
-    """Return a section from its ``{key: value}``; ``KeyError`` for a key that it has not."""
+    """Return a section from its ``{key: value}``; ``KeyError`` for an unknown key."""
     known, left = specs(SECTIONS[section]), dict(values)
     fields = {name: left.pop(key) for key, (name, _, _) in known.items() if key in left}
     laws = []

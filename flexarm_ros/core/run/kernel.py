@@ -47,8 +47,8 @@ Blocks
 Which runs
     `Kernel.of` is the one predicate: it returns ``None`` for a run with anything that the kernel
     does not know (a law in Python, further sensors, another part, a subclass of a known one).
-    Such a run takes single ticks.  A feature that a known part gets belongs into the kernel, or
-    is refused there; ``test/core/run/test_kernel.py`` tries every key of a scenario.
+    Such a run takes single ticks.  A new feature of a known part is added to the kernel, or
+    refused there; ``test/core/run/test_kernel.py`` tries every key of a scenario.
 
 The loops for the two plants are written out, because compiled code that is kept on disk cannot
 take the step function as an argument.
@@ -136,7 +136,7 @@ def run_eq14(
     Run ticks from ``first`` on, at most as many as ``ticks`` has rows; return their number.
 
     ``ends``: deflections of the plant's state; ``torque``: that of the tick before.  The run
-    ends before a tick whose state is not stable, and behind one whose torque is not finite.
+    ends before a tick whose state is not stable, and after one whose torque is not finite.
     """
     q, qd = plant.state[0], plant.state[1]
     for i in range(len(ticks.gain)):

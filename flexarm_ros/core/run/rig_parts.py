@@ -154,7 +154,7 @@ class DisturbancePart(Answer):
                 if after < before:
                     raise ValueError(
                         f'disturbance.{names[0]}: {after!r} s after {before!r} s; times must not '
-                        'fall'
+                        'decrease'
                     )
         if config.run.sync == 'free':
             raise ValueError('disturbance: /**.sync is free; allowed with this section: lockstep')

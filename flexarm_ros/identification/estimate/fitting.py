@@ -44,7 +44,7 @@ from flexarm_ros.scenario.errors import clip, ScenarioError
 import numpy as np
 
 SCALED = ('kg', 'kg m^2', 'kg/m', 'N m^2', 'N m', 'N m s/rad', 'N m/A')
-"""Units of the keys that a common factor multiplies: masses, stiffnesses and torques."""
+"""Units of the keys that scale with a common factor: masses, stiffnesses and torques."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be fitted: see `prepare`."""
+    """A checked request of a fit; see `prepare`."""
 
     problem: Problem
     others: tuple[Task, ...]
@@ -222,10 +222,10 @@ def fit(
     state: Path | None = None,
 ) -> Fit:
     """
-    Search for the best numbers and return the result, that so far once ``stop()`` is true.
+    Search for the best numbers and return the result; end early once ``stop()`` is true.
 
-    ``report`` is called after each evaluation.  ``state``: a file that keeps the search, and from
-    which it goes on; ScenarioError if it holds another one's.
+    ``report`` is called after each evaluation.  ``state``: a file that stores the search, and
+    from which a repeated call resumes; ScenarioError if it belongs to another fit.
     """
     search = Search(request.problem, report, stop)
     if state is not None:
@@ -262,7 +262,7 @@ def _restore(search: Search, request: Request, state: Path) -> None:
     try:
         document = json.loads(state.read_text('utf-8'))
         if document['fingerprint'] != search.fingerprint:
-            raise ScenarioError(f'{state}: of another fit; give another --out')
+            raise ScenarioError(f'{state}: belongs to another fit; give another --out')
         search.best = np.array([float(document['best'][key]) for key in request.problem.keys])
         search.round = min(max(int(document['round']), 0), 1)
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -35,7 +35,7 @@ _TINY = 1e-9
 
 
 class Stopped(Exception):
-    """The search was told to stop."""
+    """The caller has stopped the search."""
 
 
 Report = Callable[['Search'], None]
@@ -90,7 +90,7 @@ class Search:
         return self
 
     def _weigh(self, number: int) -> None:
-        """Set the weight of each channel, from the whole of its samples."""
+        """Set the weight of each channel from all of its samples."""
         squares: dict[str, list[float]] = {}
         if number == 0:
             for prediction in self.problem.predictions(self.best):
@@ -130,7 +130,7 @@ class Search:
         cost = 0.5 * float(found @ found)
         self.evaluations += 1
         if self.evaluations == 1:
-            self.started = time.monotonic()  # what is compiled at first does not count
+            self.started = time.monotonic()  # the first evaluation may compile: not counted
         if cost < self.best_cost:
             self.best, self.best_cost = x.copy(), cost
             self.report(self)
@@ -157,7 +157,7 @@ class Search:
         return np.concatenate([*parts, self.problem.prior_residuals(x), self._anchor(x)])
 
     def _anchor(self, x: FloatArray) -> FloatArray:
-        """Return what keeps numbers that the data do not tell near their start."""
+        """Return the term that keeps numbers without information in the data near their start."""
         start = np.array([free.start for free in self.problem.free])
         scale = np.array([free.scale for free in self.problem.free])
         return np.asarray(ANCHOR * (x - start) / scale)
@@ -166,7 +166,7 @@ class Search:
         """
         Return the Jacobian by differences, (n, p), each step as large as it needs to be.
 
-        The step of a number to which the residuals hardly react grows until they do.
+        The step of a number grows until the residuals change enough.
         """
         centre = self._weighted(x)
         columns = []

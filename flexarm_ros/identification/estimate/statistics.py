@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Uncertainty of estimated parameters: covariance, what the data tell, scales that are free."""
+"""Uncertainty of estimated parameters: covariance, identifiability, undetermined scales."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NO_INFORMATION = 1e-8
 """Smallest eigenvalue of the scaled information, per largest, that counts as information."""
 
 TAKES_PART = 1e-2
-"""Share of a parameter in a direction without information from which it counts as open."""
+"""Share of a parameter in a direction without information from which it is undetermined."""
 
 _ROUNDING = 1e-12
 
@@ -37,7 +37,7 @@ TELLS = 0.5
 """Largest std, per value or per prior std, of a parameter that the data identify."""
 
 FREE_SCALE = 1e-5
-"""Information about a common scale of parameters, per information about each, that is none."""
+"""Information about a common scale, per that about each parameter, below which it is none."""
 
 
 def correlation_length(residual: FloatArray) -> int:
@@ -94,9 +94,10 @@ def estimate(
     """
     Return the uncertainty from each channel's Jacobian (n, p) and residual (n,), weighted alike.
 
-    ``prior_std`` (p,): inf without a prior.  A parameter is identified if the data alone, all
-    other parameters being free within their priors, tell it to half of its value; else it is told
-    by its prior, if that is what bounds it, or not identifiable.
+    ``prior_std`` (p,): inf without a prior.  A parameter
+    is identified if the data alone, with all other parameters free within their priors, determine
+    it to half of its value; otherwise its status is ``prior`` if its prior bounds it, else
+    ``not identifiable``.
     """
     count = len(values)
     information = np.zeros((count, count))
@@ -105,7 +106,7 @@ def estimate(
         information += jacobian.T @ jacobian
         scores += score_covariance(jacobian, residual, correlation_length(residual))
     precision = np.where(np.isfinite(prior_std), 1.0 / prior_std**2, 0.0)
-    # The information that the correlated residuals really carry, J^T J S^-1 J^T J, is compared
+    # The information in the correlated residuals, J^T J S^-1 J^T J, is compared
     # with that of the priors; computed in units in which each parameter has information 1.
     scale = np.sqrt(np.diag(information))
     seen = scale > 0.0
@@ -142,7 +143,7 @@ def _status(value: float, alone: float, prior: float) -> str:
 
 
 def _information(shaped: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return J^T J S^-1 J^T J for S the covariance of the score, in the subspace that is seen."""
+    """Return J^T J S^-1 J^T J, S the covariance of the score, in the observable subspace."""
     values, vectors = np.linalg.eigh(shaped)
     kept = values > NO_INFORMATION * values[-1]
     basis = vectors[:, kept]

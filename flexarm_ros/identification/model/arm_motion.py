@@ -31,7 +31,7 @@ from flexarm_ros.identification.model.driven_motion import IntArray, pass_low, s
 import numpy as np
 
 STRAIN, ANGLE, RATE = 0, 2, 4
-"""First columns of a flight's outputs."""
+"""First columns of the outputs: gauge signals, joint angles, joint rates."""
 
 
 @compiled

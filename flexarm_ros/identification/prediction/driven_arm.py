@@ -44,7 +44,7 @@ _NO_ROWS = np.zeros((0, 0))
 @dataclass(frozen=True, eq=False)
 class DrivenData:
     """
-    What a driven prediction needs of a recording: see `prepare_driven`.
+    The data of a recording for a driven prediction; see `prepare_driven`.
 
     ``has``: whether each gauge was recorded; ``noises``: the standard deviation of its noise,
     from its first `NOISE_TIME` s.

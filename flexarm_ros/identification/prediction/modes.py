@@ -21,4 +21,4 @@ MODES = {
     'torque': 'from the measured torques or currents; windows start from the measured state',
     'closed_loop': "the scenario's law on the scenario's arm, with the measured reference",
 }
-"""Name -> what it is, for the help text."""
+"""Name -> description, for the help text."""

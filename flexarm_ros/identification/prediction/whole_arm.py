@@ -45,7 +45,7 @@ RATE_TIME = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What the compiled motion of an arm with its joints takes."""
+    """Arguments of the compiled motion of an arm with its joints."""
 
     rig: Rig
     scratch: Scratch
@@ -73,7 +73,7 @@ def _rig(plant: PlantParameters) -> Rig:
 
 
 class Loop(NamedTuple):
-    """The controller of a flight; see `flexarm_ros.identification.model.arm_motion.flown`."""
+    """The controller in a closed loop; see `flexarm_ros.identification.model.arm_motion.flown`."""
 
     law: FloatArray
     rates: FloatArray

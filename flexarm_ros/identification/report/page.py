@@ -35,7 +35,7 @@ STYLE = (
 
 
 def page(fit: Fit, pictures: Sequence[Path]) -> str:
-    """Return the page as text; the pictures are PNG files, which it holds."""
+    """Return the page as text, with the PNG files of the pictures embedded."""
     names = ', '.join(Path(task.recording.name).name for task in fit.problem.tasks)
     parts = [
         f'<h1>Fit of {escape(names)}</h1>',

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The wall times of a free-running run, to play it with again."""
+"""The wall times of a free-running run, for playback with ``timing: recorded``."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class RecordedTimes:
         """
         Return when a tick began, s, and when its command arrived.
 
-        None for what is not in the bag, or for a command that is held: it came before.
+        None if it is not in the bag; None for a held command, which arrived earlier.
         """
         data, command = messages[self._place], messages[COMMAND]
         if data is None:

@@ -37,7 +37,7 @@ from rclpy.publisher import Publisher
 
 _EXTERNAL_GRACE_S = 1.0
 _QUIET_S = 1.0
-"""Wall time without a torque after which a controller has no more to say."""
+"""Wall time, s, without a torque after which the controller counts as finished."""
 
 
 class ControllerSeat:
@@ -135,7 +135,7 @@ class ControllerSeat:
                 # Of a free-running run it may be held from an earlier tick.
                 self._compare(stamp, torque, held if answers == stamp else None)
                 return
-            other = f'; one with stamp {came} ns came, due is {stamp} ns'
+            other = f'; one with stamp {came} ns arrived, expected {stamp} ns'
         if not self._stopped():
             raise RunFailed(
                 'controller', f'tick {tick}: no joint_command within {self._limit:g} s{other}'
@@ -148,7 +148,7 @@ class ControllerSeat:
         self._begun[self._timeline.stamp_ns(tick)] = time.monotonic()
 
     def hear(self, recorded: bytes | None = None) -> None:
-        """Take the torques that have come; ``recorded``: what was held over the last tick."""
+        """Read the torques that have arrived; ``recorded``: the one held over the last tick."""
         if recorded is not None:
             stamp, held = self._topic.codec.decode_any(recorded)
             self._compare(stamp, self._heard.get(stamp), self._held.setdefault(stamp, held))
@@ -166,12 +166,12 @@ class ControllerSeat:
                 self._compare(stamp, torque, self._held.get(stamp))
 
     def hear_last(self) -> None:
-        """Wait until all ticks are answered, or a second has brought nothing."""
+        """Wait until all ticks are answered, or no torque has arrived for a second."""
         until = time.monotonic() + min(self._limit, _QUIET_S)
         while len(self.latencies) < len(self._begun) and not self._stopped():
             left = until - time.monotonic()
             if left <= 0.0:
-                return  # it does not answer every tick, and has nothing more to say
+                return  # it does not answer every tick, and has finished
             before = len(self.latencies)
             self._waiter.wait([self._subscription.handle], int(min(left, 0.1) * 1e9))
             self.hear()

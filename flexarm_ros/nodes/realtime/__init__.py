@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Free-running runs: the plant at the pace of the wall clock, and its requests to the system.
+Free-running runs: the plant paced by the wall clock, and its requests to Linux.
 
 Imports the runtime of the nodes and the control of a run.
 """

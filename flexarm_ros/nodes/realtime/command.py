@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The commands of a free-running run: the newest counts, and when it arrived."""
+"""The commands of a free-running run: the newest one and its time of arrival."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from flexarm_ros.nodes.runtime.topics.channels import Input, Values
 from flexarm_ros.wire.topics import Topic
 
 _MOST_MESSAGES = 200
-"""Messages taken at once: a flood of them must not hold a tick up."""
+"""Messages read per poll, so that a flood of them does not delay a tick."""
 
 
 class CommandInput(Input):
     """
-    The newest command, of a controller that need not answer each tick.
+    The newest command of a controller that need not answer every tick.
 
     ``tick`` is the tick that it answers, -1 for none, ``at`` the wall time of its arrival, s.
-    Its stamp is that of the tick, or 0 for a controller that has no stamp to give: then it
-    answers the tick during which it arrives.
+    The stamp of a command is that of the tick that it answers; one with
+    stamp 0 answers the tick during which it arrives.
     """
 
     at = NO_COMMAND
@@ -46,10 +46,9 @@ class CommandInput(Input):
 
     def poll(self, tick: int) -> bool:
         """
-        Take what has arrived during ``tick`` or before; True where anything valid has.
+        Read the commands that have arrived up to now in ``tick``; True if one was valid.
 
-        Raises `RunFailed` on a message that is none of the run's, unless ``on_invalid`` says
-        to pass over it.
+        Raises `RunFailed` for an invalid message, unless ``on_invalid`` is ``ignore``.
         """
         news = False
         for _ in range(_MOST_MESSAGES):
@@ -65,7 +64,7 @@ class CommandInput(Input):
         return news
 
     def _take_newer(self) -> tuple[float, int, Values, str] | None:
-        """Take one message: arrival, stamp, values and what is wrong with it; None without one."""
+        """Read one message: arrival, stamp, values and fault; None if there is none."""
         now = time.monotonic()
         if self.near:
             if not self.arrived:
@@ -85,7 +84,7 @@ class CommandInput(Input):
             return at, 0, (), str(error)[:200]
 
     def _newer(self, tick: int, stamp: int, values: Values) -> str:
-        """Make this the newest command, or say what is wrong with it."""
+        """Accept this as the newest command, or return its fault."""
         answers, rest = divmod(stamp - self._first_ns, self._period_ns)
         if stamp == 0:
             answers, rest = tick, 0
@@ -101,9 +100,9 @@ class CommandInput(Input):
 
 def arrival(info: dict[str, Any], now: float) -> float:
     """
-    Return when a message arrived, s of the monotonic clock; ``now`` where that is not told.
+    Return the time of arrival, s of the monotonic clock; ``now`` if it is unknown.
 
-    The middleware's thread stamps it by the system's clock, before this thread takes it.
+    The middleware stamps a message by the system clock when it is received.
     """
     received = info.get('received_timestamp') or 0
     waited = 1e-9 * (time.time_ns() - received)
@@ -111,8 +110,8 @@ def arrival(info: dict[str, Any], now: float) -> float:
 
 
 class AppliedInput(Input):
-    """The commands that the plant has held, one a tick, in the place of ``topic``'s own."""
+    """The commands that the plant has held, one per tick, in place of those on ``topic``."""
 
     def configure(self, topic: Topic, timeline: Timeline) -> None:
-        """Keep the topic: what is agreed on is the controller's, with the same content."""
+        """Keep the topic: the agreed one is the controller's, with the same content."""
         super().configure(self.topic, timeline)

@@ -15,9 +15,9 @@
 """
 The plant's side of a free-running run (``sync: free``): ticks by the wall clock.
 
-Tick k is due at a time that follows from the first tick and the speed alone, so that no delay
-adds up; ticks after a late one are caught up with.  At the end of tick k the newest command that
-has arrived is held over it: with all commands in time the run is that of lock-step, bit for bit.
+Tick k is due at a time that follows from the first tick and the speed alone, so that delays do not
+add up; the ticks after a late one catch up.  At the end of tick k the newest command that has
+arrived is held over it: with all commands in time the run is that of lock-step, bit for bit.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.topics.channels import Output
 
 RECORDER_WINDOW = 768
-"""Ticks that the plant may be ahead of the recorder, below the topics' depth.
+"""Maximum number of ticks ahead of the recorder, below the queue depth of the topics.
 
-More than in lock-step, where it keeps the loss at a crash small: here a wait is a late tick.
+Larger than in lock-step, where it limits the loss in a crash: here a wait is a late tick.
 """
 
 _NONE = (0.0, 0.0)
 
 
 class FreeRun:
-    """What a plant counts and tells of its ticks in a free-running run."""
+    """Counts and publishes the timing of the plant's ticks in a free-running run."""
 
     def __init__(
         self, parameters: PlantParameters, timeline: Timeline, control: RunControl,
@@ -55,10 +55,10 @@ class FreeRun:
         self._begin = self._due = 0.0
         self._without, self._new = 0.0, False
         self.lost: str = ''
-        """What is missing, while the torque is zero for want of a command."""
+        """The missing message, while the torque is zero because no command has arrived."""
 
     def begin(self, tick: int, now: float) -> None:
-        """Take the wall time at which ``tick`` begins."""
+        """Record the wall time at which ``tick`` begins."""
         control = self._control
         paced = control.rtf > 0.0 and not control.paused
         self._begin, self._due = now, min(now, control.due(tick)) if paced else now
@@ -67,7 +67,7 @@ class FreeRun:
         self.live.begun(tick, now, self._due, control.pace_s() or control.period_s())
 
     def poll(self, tick: int) -> None:
-        """Take the commands that have arrived during ``tick``, which goes on."""
+        """Read the commands that have arrived so far in ``tick``."""
         if self._command.poll(tick):
             self._new = True
             self.live.answered(self._command.tick, self._command.at)
@@ -76,7 +76,7 @@ class FreeRun:
         """
         Return the torque that is held over ``tick``, which ends ``now``.
 
-        Raises `RunFailed` where commands have been missing for too long.
+        Raises `RunFailed` if no command has arrived for too long.
         """
         command = self._command
         self.poll(tick)
@@ -93,8 +93,7 @@ class FreeRun:
         """
         Return the time that a controller had for this tick, in simulated seconds.
 
-        None to speak of for a tick that is caught up with: this process stood still, not the
-        controller.
+        About 0 for a tick that catches up: this process was late, not the controller.
         """
         period = self._control.period_s()
         pace = self._control.pace_s() or period
@@ -111,7 +110,7 @@ class FreeRun:
         self.lost = self.lost or f'{self._command.source}: tick {tick}: {owed}: zero torque'
 
     def tell(self, tick: int, torque: tuple[float, float]) -> None:
-        """Publish what was held over ``tick``, and its times, for the record."""
+        """Publish the command held over ``tick`` and the times of the tick, for the recorder."""
         command, timeline, zero = self._command, self._timeline, self._zero or 0.0
         known = self._known
         stamp = timeline.stamp_ns(command.tick) if known else 0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The timing that this machine gives a bare loop with absolute deadlines."""
+"""The timing of a bare loop with absolute deadlines on this machine."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def bare_jitter(period_ns: int, ticks: int) -> FloatArray:
     """
     Wake with clock_nanosleep at ``ticks`` deadlines; return how late each was, s, ``(ticks,)``.
 
-    Raises OSError where the clock cannot be slept on.
+    Raises OSError if the clock does not support it.
     """
     sleep = ctypes.CDLL(None).clock_nanosleep
     late = np.empty(ticks)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a process may ask of Linux for steady timing: priority, CPU, memory, garbage collector.
+Requests to Linux for steady timing: priority, CPU, locked memory, garbage collector.
 
-Each request is made where it is allowed and reported in any case; none of them is needed for a
-run.  The scheduling of a thread is its own: others of the process, such as the middleware's, keep
+Each request is made if it is allowed, and reported in any case; a run needs none of them.
+Scheduling applies to one thread: other threads of the process, such as the middleware's, keep
 theirs.
 """
 
@@ -102,7 +102,7 @@ def _ask_cpu(cpu: int) -> str:
 
 
 def _ask_memory() -> str:
-    """Lock the memory; not in part, which would make later allocations fail."""
+    """Lock all memory or none: a partial lock would make later allocations fail."""
     if not can_lock():
         return f'memory not locked ({memory_limit()})'
     library = ctypes.CDLL(None, use_errno=True)
@@ -112,14 +112,14 @@ def _ask_memory() -> str:
 
 
 def priority_limit() -> str:
-    """Return what this process may ask of the scheduler."""
+    """Return the limits of this process's scheduling requests as text."""
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     shown = 'unlimited' if limit == resource.RLIM_INFINITY else str(limit)
     return f'RLIMIT_RTPRIO {shown}, CAP_SYS_NICE {_yes(has_capability(_CAP_SYS_NICE))}'
 
 
 def memory_limit() -> str:
-    """Return what this process may lock."""
+    """Return the limits of this process's locked memory as text."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     shown = 'unlimited' if limit == resource.RLIM_INFINITY else f'{limit // 1024} KiB'
     return f'RLIMIT_MEMLOCK {shown}, CAP_IPC_LOCK {_yes(has_capability(_CAP_IPC_LOCK))}'

@@ -104,7 +104,7 @@ class RunControl:
         return self.period_s() / self.rtf if self.rtf > 0.0 else 0.0
 
     def shortfall(self, tick: int) -> str:
-        """Return what was reached up to ``tick`` if that is less than requested; else nothing."""
+        """Return a text if the speed up to ``tick`` is below the requested one; else empty."""
         start, first = self._anchor
         wall = time.monotonic() - start
         if self.paused or self.rtf <= 0.0 or tick <= first:
@@ -223,7 +223,7 @@ class RunControl:
         return f'{word} at tick {plant.tick}, {speed}'
 
     def _changed(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Take a new speed; rclpy has held it against the range that was declared."""
+        """Apply a new speed; rclpy has checked it against the declared range."""
         for parameter in parameters:
             if parameter.name == 'real_time_factor':
                 self.rtf = float(parameter.value)

@@ -141,7 +141,7 @@ class StandardServices:
         self._stopped = False
         done = self._control.finish_steps()
         return self._answer(
-            response, '' if done else 'the run ended before that, or took too long'
+            response, '' if done else 'the run ended before, or the time limit was exceeded'
         )
 
     def reset(self, request: Any, response: Any) -> Any:

@@ -52,7 +52,7 @@ class RunCommands:
         self._thread.start()
 
     def __call__(self, command: Mapping[str, Any]) -> str:
-        """Carry out a command; return what went wrong, empty if nothing."""
+        """Carry out a command; return the error, empty on success."""
         action = command.get('action')
         if action not in ACTIONS:
             return f'action: {action!r} is not one of {", ".join(ACTIONS)}'
@@ -86,7 +86,7 @@ class RunCommands:
     def _call(self, role: str, kind: Any, service: str, request: Any) -> str:
         node = found(self._node_of, role)
         if not node:
-            return f'{role}: no such node in a run'
+            return f'{role}: no such node in the run'
         done = threading.Event()
         with self._lock:
             name = f'{node}/{service}'
@@ -94,7 +94,7 @@ class RunCommands:
                 self._clients[name] = self._node.create_client(kind, name)
             client = self._clients[name]
             if not client.wait_for_service(_ANSWER_S):
-                return f'{name}: the service is not there'
+                return f'{name}: no such service'
             future = client.call_async(request)
             future.add_done_callback(lambda _: done.set())
             if not done.wait(_ANSWER_S):
@@ -105,10 +105,10 @@ class RunCommands:
 
 def found(node_of: Callable[[str], str], role: str) -> str:
     """
-    Return the name of a role's node, empty if none is heard of within 10 s.
+    Return the name of a role's node, empty if its status does not arrive within 10 s.
 
-    The page knows the parameters of a run as soon as the plant was heard, and so may set one of a
-    node that is yet to be heard.
+    The page shows the parameters of a run after the plant's status, so that a command may address
+    a node whose status has not arrived yet.
     """
     end = time.monotonic() + _ANSWER_S
     while not (node := node_of(role)) and role in SECTIONS and time.monotonic() < end:

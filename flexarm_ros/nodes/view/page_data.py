@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""What the live page is sent: the arm, its parameters, frames, a recorded run."""
+"""Data of the live page: the arm, its parameters, frames, a recorded run."""
 
 from __future__ import annotations
 

@@ -260,7 +260,7 @@ def _read_faults(
     if tree is None:
         return ()
     if mode != 'run':
-        raise ScenarioError(f"{where}: mode '{mode}' has no processes to harm; use mode 'run'")
+        raise ScenarioError(f"{where}: mode '{mode}' starts no processes; use mode 'run'")
     faults = []
     for number, item in enumerate(as_list(tree, where)):
         faults.append(_read_fault(item, f'{where}[{number}]', config))

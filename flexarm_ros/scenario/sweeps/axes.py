@@ -161,7 +161,9 @@ def _exact(tree: Tree, where: str) -> Fraction:
 
 def _by_step(low: Fraction, high: Fraction, step: Fraction, where: str) -> list[float]:
     if step == 0 or (high - low) / step < 0:
-        raise ScenarioError(f"{where}.step: {float(step):g} does not lead from 'from' to 'to'")
+        raise ScenarioError(
+            f"{where}.step: {float(step):g} does not divide the span from 'from' to 'to'"
+        )
     count = (high - low) // step + 1
     if count > MAX_VALUES:
         raise ScenarioError(f'{where}.step: {count} values; at most {MAX_VALUES}')

@@ -97,9 +97,7 @@ def test_only_what_the_runs_allow_is_decided() -> None:
 def test_no_case_no_claim() -> None:
     claims = evaluate([made('fls_tip', 'tip_sensor.location=8.0')])
     assert claims.tested == ()
-    assert claims.remarks == (
-        "Left out: fls_tip is none of the paper's ten cases as they are shipped.",
-    )
+    assert claims.remarks == ("Left out: fls_tip is not one of the paper's ten cases as shipped.",)
     assert evaluate([]).tested == ()
 
 
@@ -137,7 +135,7 @@ def test_cases_are_known_by_their_scenario_not_their_name() -> None:
 def test_unlike_runs_are_not_compared(case: str, override: str) -> None:
     alike = [made('fls_collocated'), made('fls_tip_corrected'), made('pd_tip')]
     claims = evaluate([made(case, override, name='odd'), *alike])
-    told = "odd is none of the paper's ten cases as they are shipped."
+    told = "odd is not one of the paper's ten cases as shipped."
     assert claims.remarks == (f'Left out: {told}',)
     assert evaluate([made(case, override)]).tested == ()
 

@@ -122,7 +122,7 @@ def test_the_force_is_linear_between_rows_at_the_middle_of_the_tick() -> None:
                 'disturbance',
                 DisturbanceParameters(payload_times=(1.0, 0.5), payload_masses=(1.0, 2.0)),
             ),
-            'disturbance.payload_times: 0.5 s after 1.0 s; times must not fall',
+            'disturbance.payload_times: 0.5 s after 1.0 s; times must not decrease',
         ),
     ],
 )

@@ -26,11 +26,11 @@ Kuznetsov, ACM TOMS 34 (2008), for dry friction.
 *Coulomb friction.*  A sliding joint has the friction torque against its rate.  A joint at rest
 sticks: its acceleration is a constraint, theta'' = 0, and the friction torque is the constraint's,
 as long as it stays within the breakaway torques of both directions (Karnopp's stick state, J.
-Dyn. Sys. Meas. Control 107, 1985, but with the exact constraint in the place of his velocity
-band).  A sticking joint does not move at all.  The modes of joints at rest are those that satisfy
-all conditions together; there is exactly one such motion, since friction with given normal force
-derives from a convex potential and M is positive definite (Moreau; Glocker, Set-Valued Force
-Laws, 2001).
+Dyn. Sys. Meas. Control 107, 1985, but with the exact constraint instead of a velocity band).  A
+sticking joint does not move at all.  The modes of joints at rest are those that satisfy all
+conditions together; there is exactly one such motion, since friction with given normal force
+derives from a convex potential and M is positive definite (Moreau; Glocker, Set-Valued Force Laws,
+2001).
 
 *Backlash.*  The drive, with its share of the hub inertia, is free within a gap; at its ends it
 pushes the joint (one-sided contact) until the contact torque would pull.  Closing the gap is a

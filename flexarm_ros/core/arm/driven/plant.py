@@ -118,7 +118,7 @@ class DrivenPlant:
         return found
 
     def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
-        """Overwrite the state, shapes ``(2 + 2 modes,)``; drives are amid their gaps, as fast."""
+        """Overwrite the state, shapes ``(2 + 2 modes,)``; centre the drives in their gaps."""
         self.q[:] = q
         self.qd[:] = qd
         self.drives[0], self.drives[1] = self.q[:2], self.qd[:2]

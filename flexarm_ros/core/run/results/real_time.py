@@ -48,7 +48,7 @@ NO_COMMAND = -1.0
 
 
 def outlives_controller(config: RunConfig) -> bool:
-    """Whether the run goes on, with zero torque, when the controller is gone."""
+    """Whether the run continues, with zero torque, after the controller has ended."""
     return config.run.sync == 'free' and config.plant.command_loss == 'zero'
 
 
@@ -152,11 +152,11 @@ class LiveSpread:
 
 
 _MOST_OPEN = 10_000
-"""Ticks whose answer is still counted; a controller that died answers none."""
+"""Largest number of unanswered ticks that are kept, in case the controller has ended."""
 
 
 class LiveTiming:
-    """The counts of a run that goes on; the exact ones follow from its record."""
+    """Counts during a run; the exact ones are computed from its recording."""
 
     def __init__(self) -> None:
         self.late = self.missed = self.held = 0
@@ -195,7 +195,7 @@ def _live(times: LiveSpread) -> dict[str, float | None]:
 
 
 def shown(values: dict[str, Any], keys: Sequence[str] = KEYS) -> str:
-    """Return these counts in one line for people."""
+    """Return the counts as one line of text."""
     parts = []
     for key in keys:
         value = values.get(key)
@@ -210,7 +210,7 @@ def shown(values: dict[str, Any], keys: Sequence[str] = KEYS) -> str:
 
 
 def flat(values: dict[str, Any]) -> dict[str, str]:
-    """Return these counts as one text each, as diagnostics have them."""
+    """Return each count as text, for diagnostics."""
     found = {}
     for key, value in values.items():
         name = key.removesuffix('_ms').replace('_', ' ')
