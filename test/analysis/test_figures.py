@@ -31,6 +31,7 @@ from flexarm_ros.analysis.figures.paper import paper_figures
 from flexarm_ros.analysis.figures.paths import path_figure
 from flexarm_ros.analysis.figures.runs import signal_figure, write_figures
 from flexarm_ros.analysis.figures.style import Panel, panels, styles
+from flexarm_ros.analysis.palette import color
 from flexarm_ros.analysis.report.runs import load_run, RunError
 from matplotlib.axes import Axes
 from matplotlib.image import imread
@@ -206,6 +207,48 @@ def test_cases_keep_their_colours_and_every_run_of_many_has_its_own_look(runs: P
         }
     many = styles(three * 8)
     assert len({(style.color, style.dashes) for style in many}) == len(many)
+
+
+def test_a_law_has_its_hue_and_spare_ones_belong_to_none(runs: Path) -> None:
+    pd, fls = ([load_run(runs / f'{law}_{case}') for case in ('collocated', 'tip', 'mid')]
+               for law in ('pd', 'fls'))  # fmt: skip
+    assert [style.hue for style in styles(pd + fls)] == ['pd'] * 3 + ['fls'] * 3
+    assert [style.hue for style in styles([fls[1], fls[1], pd[1], pd[1]])] == [
+        'fls', 'green', 'pd', 'purple'
+    ]  # fmt: skip
+    assert styles(fls[:1])[0].color == color('fls')
+
+
+def test_the_paper_s_paths_share_axes_and_show_how_far_cases_lie_apart(runs: Path) -> None:
+    cases = [f'{law}_{case}' for law in ('pd', 'fls') for case in ('collocated', 'tip')]
+    loaded = {case: load_run(runs / case) for case in cases}
+    figure = dict(paper_figures(panels(list(loaded.values()))))['figure_5']
+    (pd, fls), (near, far) = figure.axes[:2], figure.axes[2:4]
+    assert pd.get_xlim() == fls.get_xlim() and pd.get_ylim() == fls.get_ylim()
+    assert near.get_ylim() == far.get_ylim()
+    tip, collocated = loaded['pd_tip'].columns, loaded['pd_collocated'].columns
+    apart = np.hypot(*(tip[n] - collocated[n] for n in ('rigid_x', 'rigid_y')))
+    assert lines(near)['noncollocated (NMP)'][1] == pytest.approx(1e3 * apart)
+    widths = [curve.get_linewidth() for curve in pd.get_lines()[3:]]
+    assert widths == sorted(widths, reverse=True) and widths[0] > 1.5 * widths[1]
+
+
+def test_no_legend_or_inset_covers_a_curve(tmp_path: Path) -> None:
+    cases = [f'{law}_{case}' for law in ('pd', 'fls') for case in ('collocated', 'tip')]
+    drawn = dict(paper_figures(panels([load_run(fly(tmp_path / c, c)) for c in cases])))
+    for stem in ('figure_5', 'figure_6'):
+        figure = drawn[stem]
+        figure.draw_without_rendering()
+        for axis in figure.axes:
+            legend = axis.get_legend()
+            boxes = [legend.get_window_extent()] if legend else []
+            boxes += [inset.get_tightbbox() for inset in axis.child_axes]
+            for curve in axis.get_lines():
+                if curve.get_transform().contains_branch(axis.transData):
+                    points = curve.get_transform().transform(curve.get_xydata())
+                    points = points[[axis.bbox.contains(*point) for point in points]]
+                    assert not any(box.count_contains(points) for box in boxes), (stem, curve)
+        assert stem == 'figure_6' or figure.axes[0].child_axes
 
 
 def test_fls_figure_shows_the_definition(runs: Path) -> None:

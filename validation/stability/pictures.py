@@ -21,6 +21,7 @@ import csv
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from flexarm_ros.analysis import palette
 from flexarm_ros.analysis.figures.style import (
     AMBER,
     BLACK,
@@ -203,11 +204,10 @@ def speed(data: Path) -> Figure:
     """Draw simulated boundaries over the speed, with the linear ones as levels."""
     figure = new_figure(7.2, 4.4)
     axis = figure.subplots()
-    colors = iter((BLUE, SKY, ORANGE, AMBER))
     for law in NAMES:
-        for place in ('9', '6.75'):
+        for place, shade in (('9', 'base'), ('6.75', 'soft')):
             rows = read(data, 'stability_speed', law=law, location_m=place)
-            color = next(colors)
+            color = palette.color(law, shade, 'paper')
             label = f'{NAMES[law]}, sensor at {place} m'
             flown = column(rows, 'flown_ms')
             axis.plot(column(rows, 'speed_m_s'), flown, 'o-', color=color, ms=4, label=label)

@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING
 
 from flexarm_ros.analysis.figures.style import (
     between,
-    BLACK,
     GREY,
     group_switches,
+    legend_below,
     line,
     new_figure,
     Panel,
     panel_title,
+    REFERENCE,
     styled,
     wrap,
 )
@@ -51,8 +52,8 @@ def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) ->
     """
     switches = [group_switches(group) for group in groups]
     if only is not None:
-        figure = new_figure(3.9 * len(groups), 5.1)
-        figure.set_layout_engine('compressed')
+        figure = new_figure(4.6 * len(groups), 5.5)
+        figure.set_layout_engine('compressed', w_pad=0.12, h_pad=0.08)
         axes = figure.subplots(1, len(groups), squeeze=False)[0]
         for axis, group, index, times in zip(axes, groups, only, switches, strict=True):
             _draw_corner(axis, group, index, times[index])
@@ -60,7 +61,7 @@ def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) ->
         return figure
     columns = max(1, *(len(times) for times in switches))
     figure = new_figure(3.5 * columns, 4.7 * len(groups))
-    figure.set_layout_engine('compressed')
+    figure.set_layout_engine('compressed', w_pad=0.12, h_pad=0.08)
     grid = figure.subplots(len(groups), columns, squeeze=False)
     for row, (group, times) in enumerate(zip(groups, switches, strict=True)):
         for column in range(columns):
@@ -76,10 +77,7 @@ def _draw_corner(axis: Axes, group: Panel, index: int, time: float) -> None:
     low_x, high_x, low_y, high_y = _corner_frame(group, time)
     longest = max(group.runs, key=lambda run: run.rows)
     part = between(longest, time - 2.0, time + 2.0)
-    axis.plot(
-        longest.columns['ref_x'][part], longest.columns['ref_y'][part],
-        color=BLACK, linewidth=0.8, linestyle=(0, (6, 3)),
-    )  # fmt: skip
+    axis.plot(longest.columns['ref_x'][part], longest.columns['ref_y'][part], **REFERENCE)
     for run, style, label in styled(group):
         overshoot = _overshoot(run, index)
         text = wrap(label if overshoot is None else f'{label}: {overshoot:.3f} m')
@@ -92,10 +90,8 @@ def _draw_corner(axis: Axes, group: Panel, index: int, time: float) -> None:
     axis.set(xlabel='x, m')
     axis.set_title(f'{panel_title(group)}\nswitch {index + 1}, t = {time:g} s', fontsize=9)
     if len(group.runs) > 1:
-        _draw_peak(axis, group, time)
-    axis.legend(
-        title='overshoot', title_fontsize=8, loc='upper center', bbox_to_anchor=(0.5, -0.17)
-    )
+        draw_peak(axis, group, time)
+    legend_below(axis, title='overshoot past the corner', title_fontsize=8, inches=0.42)
 
 
 def _corner_frame(group: Panel, time: float) -> tuple[float, float, float, float]:
@@ -115,12 +111,8 @@ def _corner_frame(group: Panel, time: float) -> tuple[float, float, float, float
     return middle_x - half, middle_x + half, middle_y - half, middle_y + half
 
 
-def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
-    """
-    Add an inset around the furthest points past the corner, where cases differ by millimetres.
-
-    It is placed on the base's side of the corner, where there are no paths.
-    """
+def draw_peak(axis: Axes, group: Panel, time: float) -> None:
+    """Add an inset around the furthest points past the corner, which differ by millimetres."""
     peaks = [peak for run in group.runs if (peak := _peak(run, time)) is not None]
     if len(peaks) < 2:
         return
@@ -129,8 +121,7 @@ def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
     x, y = float(points[:, 0].mean()), float(points[:, 1].mean())
     if half > 0.04 * float(np.ptp(axis.get_xlim())):
         return  # the differences are visible without an inset
-    left, bottom = (0.06 if x > 0.0 else 0.52), (0.06 if y > 0.0 else 0.52)
-    inset = axis.inset_axes((left, bottom, 0.42, 0.42))
+    inset = axis.inset_axes(_free_place(axis, x, y))
     for run, style, _ in styled(group):
         rows = between(run, time, time + AFTER)
         line(inset, run.columns['rigid_x'][rows], run.columns['rigid_y'][rows], style, '')
@@ -139,11 +130,30 @@ def _draw_peak(axis: Axes, group: Panel, time: float) -> None:
     inset.set_yticks([])
     width = 2e3 * half
     text = f'{width:.0f} mm wide' if width >= 10.0 else f'{width:.1f} mm wide'
-    box = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0}
-    inset.text(0.04, 0.05, text, fontsize=7, transform=inset.transAxes, bbox=box)
+    inset.set_xlabel(text, fontsize=7, labelpad=2.0)
     for spine in inset.spines.values():
         spine.set_visible(True)
     axis.indicate_inset_zoom(inset, edgecolor=GREY)
+
+
+def _free_place(axis: Axes, x: float, y: float) -> tuple[float, float, float, float]:
+    """Return where an inset with a text below it covers least of the curves, in axes' parts."""
+    (low_x, high_x), (low_y, high_y) = axis.get_xlim(), axis.get_ylim()
+    low, span = np.array([low_x, low_y]), np.array([high_x - low_x, high_y - low_y])
+    drawn = [np.column_stack([np.asarray(v, dtype=float) for v in curve.get_data()])
+             for curve in axis.get_lines()]  # fmt: skip
+    points = (np.concatenate(drawn) - low) / span
+    peak = (np.array([x, y]) - low) / span
+    best, least = (0.5, 0.5), (np.inf, np.inf)
+    for left in np.linspace(0.04, 0.62, 30):
+        for bottom in np.linspace(0.1, 0.62, 27):
+            corner = np.array([left - 0.03, bottom - 0.1])
+            inside = np.all((points > corner) & (points < corner + [0.4, 0.47]), axis=1)
+            away = float(np.hypot(*(corner + [0.2, 0.235] - peak)))
+            cost = (float(inside.sum()), away)
+            if cost < least:
+                best, least = (float(left), float(bottom)), cost
+    return *best, 0.34, 0.34
 
 
 def _peak(run: ReportedRun, time: float) -> tuple[float, float, float] | None:

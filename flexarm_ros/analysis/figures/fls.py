@@ -20,12 +20,12 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from flexarm_ros.analysis.figures.style import (
+    AMBER,
     BLACK,
-    BLUE,
     GREEN,
     GREY,
     new_figure,
-    ORANGE,
+    PURPLE,
     styles,
     wrap,
 )
@@ -93,7 +93,7 @@ def _draw_output(axis: Axes) -> None:
 
 def _draw_sets(axis: Axes, sets: Feet, scale: float) -> None:
     """Draw triangles given by left foot, peak and right foot."""
-    looks = ((BLUE, '-'), (GREEN, '--'), (ORANGE, '-.'))
+    looks = ((GREEN, '-'), (PURPLE, '--'), (AMBER, '-.'))
     for (name, feet), (color, style) in zip(sets.items(), looks, strict=False):
         x = [foot * scale for foot in feet]
         axis.plot(x, (_at_foot(feet, 0), 1.0, _at_foot(feet, 2)), color=color, linestyle=style)
@@ -138,10 +138,8 @@ def _draw_map(axis: Axes, runs: Sequence[ReportedRun], kn: float) -> None:
     contours = axis.contour(inputs * kn, inputs * kn, grid, 9, colors=GREY, linewidths=0.8)
     axis.clabel(contours, fontsize=7)
     for run, style, label in zip(runs, styles(runs), labels(runs), strict=True):
-        axis.plot(
-            run.columns['delta1'], run.columns['delta2'], color=style.color,
-            linestyle=style.dashes, linewidth=0.9, label=wrap(label),
-        )  # fmt: skip
+        look = {**style.drawn, 'linewidth': 0.6 * style.width}
+        axis.plot(run.columns['delta1'], run.columns['delta2'], label=wrap(label), **look)
     axis.plot(0.0, 0.0, '+', color=BLACK)
     axis.set(xlabel=r'$\delta_1$, m', ylabel=r'$\delta_2$, m')
     axis.set_title(r'$\lambda$ where it was used')

@@ -52,8 +52,9 @@ def paper_figures(groups: Sequence[Panel]) -> Iterator[tuple[str, Figure]]:
         pair = [group for law in LAWS for group in groups if _shows(group, law, place)]
         if len(pair) < len(LAWS):
             continue
-        yield paths, path_figure(pair)
-        if all(len(group_switches(group)) > max(switches) for group in pair):
+        zoomed = all(len(group_switches(group)) > max(switches) for group in pair)
+        yield paths, path_figure(pair, switches if zoomed else ())
+        if zoomed:
             yield transients, corner_figure(pair, switches)
 
 

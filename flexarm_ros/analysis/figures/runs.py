@@ -31,6 +31,7 @@ from flexarm_ros.analysis.figures.style import (
     drawing,
     GREY,
     group_switches,
+    legend_below,
     line,
     new_figure,
     Panel,
@@ -103,5 +104,5 @@ def signal_figure(group: Panel) -> Figure:
     figure.align_ylabels(axes)
     if len(group.runs) > 1:
         columns = 3 if max(len(label) for _, _, label in styled(group)) < 24 else 1
-        axes[-1].legend(loc='upper center', bbox_to_anchor=(0.5, -0.45), ncols=columns)
+        legend_below(axes[-1], ncols=columns, inches=0.42)
     return figure

@@ -13,17 +13,18 @@
 # limitations under the License.
 
 """
-Shared by all figures: colours, line styles, panels, and writing of files.
+Shared by all figures: line styles, panels, and writing of files.
 
-The colours are those of Okabe and Ito (2008), which remain distinct with the common colour
-vision deficiencies; line styles differ too, for greyscale prints.
+The colours are those of ``analysis.palette``.  Curves of one law that lie on one another stay
+distinct, also in greyscale prints: a thin strong one is drawn over a wider, softer one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import chain, count
 import os
 from pathlib import Path
 import sys
@@ -31,6 +32,7 @@ import textwrap
 from types import ModuleType
 from typing import Any, TYPE_CHECKING
 
+from flexarm_ros.analysis.palette import color, LAW_HUES, SPARE_HUES
 from flexarm_ros.analysis.report.runs import (
     COLLOCATED,
     CORRECTED,
@@ -48,30 +50,43 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, PURPLE = '#0072B2', '#D55E00', '#009E73', '#CC79A7'
-AMBER, SKY, BLACK, GREY = '#E69F00', '#56B4E9', '#000000', '#6E6E6E'
+BLUE, ORANGE, SKY = color('pd'), color('fls'), color('pd', 'soft', 'paper')
+GREEN, PURPLE, AMBER, GREY = map(color, SPARE_HUES)
+BLACK = '#000000'
 
 
 @dataclass(frozen=True)
 class Style:
-    """Line style of a curve: colour, dashes, width in points."""
+    """Line style of a curve: hue and shade of the palette, dashes in widths, width in points."""
 
-    color: str
-    dashes: str = '-'
+    hue: str
+    shade: str = 'base'
+    dashes: tuple[float, ...] = ()
     width: float = 1.3
 
+    @property
+    def color(self) -> str:
+        """Return the colour on paper."""
+        return color(self.hue, self.shade, 'paper')
 
-ROLE_STYLES = {
-    COLLOCATED: Style(BLUE, '-', 2.2),
-    NONCOLLOCATED: Style(ORANGE, '--', 1.5),
-    CORRECTED: Style(GREEN, '-.', 1.1),
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """Return the style as arguments of matplotlib's ``plot``."""
+        dashes = (0, self.dashes) if self.dashes else '-'
+        return {'color': self.color, 'linestyle': dashes, 'linewidth': self.width}
+
+
+SOLID, DASHED, DOTTED, DASH_DOTTED = (), (4.5, 2.0), (1.0, 1.6), (6.0, 1.6, 1.0, 1.6)
+REFERENCE: Any = {'color': BLACK, 'linewidth': 0.8, 'linestyle': (0, (6, 3))}
+"""Arguments of ``plot`` for a reference."""
+
+# Shade, width, and dashes at the first sensor location and at further ones.
+_ROLES = {
+    COLLOCATED: ('soft', 3.4, (SOLID, SOLID)),
+    NONCOLLOCATED: ('base', 1.8, (SOLID, DASHED)),
+    CORRECTED: ('strong', 0.9, ((4.0, 3.0), DOTTED)),
 }
-"""The paper's three cases -> style; wider lines lie below, so that equal curves stay visible."""
-
-SPARE_STYLES = (
-    Style(BLUE), Style(ORANGE, '--'), Style(GREEN, '-.'), Style(PURPLE, ':'), Style(AMBER),
-    Style(SKY, '--'), Style(BLACK, '-.'),
-)  # fmt: skip
+"""The paper's three cases, the widest first: drawn in this order, equal curves stay visible."""
 
 SETTINGS: Any = {
     'font.family': 'DejaVu Sans',
@@ -142,20 +157,46 @@ def panels(runs: Sequence[ReportedRun]) -> list[Panel]:
 
 
 def styles(runs: Sequence[ReportedRun]) -> list[Style]:
-    """Return a style for each run; the paper's cases have fixed ones."""
+    """
+    Return a style for each run, no two alike.
+
+    A law has its hue, and each of the paper's cases its shade, width and dashes in it.  A run
+    that would look like an earlier one gets a hue that belongs to no law.
+    """
     if len(runs) == 1:
-        return [Style(ROLE_STYLES.get(runs[0].role, SPARE_STYLES[0]).color)]
-    roles = [run.role for run in runs]
-    if all(role in ROLE_STYLES for role in roles) and len(set(roles)) == len(roles):
-        return [ROLE_STYLES[role] for role in roles]
-    return [_spare(i) for i in range(len(runs))]
+        return [Style(_hues(runs)[runs[0].law])]
+    hues = _hues(runs)
+    places = sorted({run.location for run in runs if run.location is not None}, reverse=True)
+    found: list[Style] = []
+    for run in runs:
+        looks = chain([_look(run, hues[run.law], places)], _spares())
+        found.append(next(look for look in looks if look not in found))
+    return found
 
 
-def _spare(index: int) -> Style:
-    """Return the style of one of many runs; colours repeat with other dashes."""
-    turn, place = divmod(index, len(SPARE_STYLES))
-    dashes = SPARE_STYLES[(place + turn) % len(SPARE_STYLES)].dashes
-    return replace(SPARE_STYLES[place], dashes=dashes)
+def _hues(runs: Sequence[ReportedRun]) -> dict[str, str]:
+    """Return the hue of each law: its own, or the next of those that belong to no law."""
+    others = iter(SPARE_HUES * len(runs))
+    return {
+        law: LAW_HUES.get(law) or next(others) for law in dict.fromkeys(run.law for run in runs)
+    }
+
+
+def _look(run: ReportedRun, hue: str, places: Sequence[float]) -> Style:
+    if run.role not in _ROLES:
+        return Style(hue)
+    shade, width, dashes = _ROLES[run.role]
+    place = 0 if run.location is None else places.index(run.location)
+    return Style(hue, shade, dashes[min(place, 1)], width)
+
+
+def _spares() -> Iterator[Style]:
+    """Yield looks for runs of one case, without end: hues, dashes, shades, ever thinner ones."""
+    for turn in count():
+        for shade in ('base', 'strong', 'soft'):
+            for dashes in (SOLID, DASHED, DASH_DOTTED, DOTTED):
+                for hue in SPARE_HUES:
+                    yield Style(hue, shade, dashes, 1.3 * 0.8**turn)
 
 
 def wrap(text: str) -> str:
@@ -214,9 +255,10 @@ def save(figure: Figure, out: Path, stem: str) -> list[Path]:
 
 
 def styled(group: Panel) -> list[tuple[ReportedRun, Style, str]]:
-    """Return each run of a group with its style and its label."""
+    """Return each run of a group with its style and its label, the widest curve first."""
     names = labels(group.runs, short=True)
-    return list(zip(group.runs, styles(group.runs), names, strict=True))
+    found = zip(group.runs, styles(group.runs), names, strict=True)
+    return sorted(found, key=lambda item: -item[1].width)
 
 
 def panel_title(group: Panel) -> str:
@@ -239,9 +281,17 @@ def between(run: ReportedRun, start: float, end: float) -> slice:
 def line(axis: Axes, x: FloatArray, y: FloatArray, style: Style, label: str) -> None:
     """Draw a curve; one with very few rows also gets dots, to be visible."""
     options: dict[str, Any] = {'marker': '.'} if len(x) < 3 else {}
-    axis.plot(
-        x, y, color=style.color, linestyle=style.dashes, linewidth=style.width, label=label,
-        **options,
+    axis.plot(x, y, label=label, **style.drawn, **options)
+
+
+def legend_below(axis: Axes, *entries: Any, inches: float, **options: Any) -> None:
+    """Put a legend under an axis, ``inches`` below it, where it covers no curve."""
+    from matplotlib.transforms import ScaledTranslation
+
+    down = ScaledTranslation(0.0, -inches, axis.figure.dpi_scale_trans)
+    axis.legend(
+        *entries, loc='upper center', bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=axis.transAxes + down, frameon=False, **options,
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ import base64
 from collections.abc import Sequence
 from typing import Any
 
-from flexarm_ros.analysis.figures.style import SPARE_STYLES, styles
+from flexarm_ros.analysis.figures.style import Style, styles
 from flexarm_ros.analysis.report.runs import labels, law_name, ReportedRun
 from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
@@ -47,9 +47,6 @@ ERRORS = ('error', 'tip_error')
 STEPS = 2**24 - 2
 """Steps between least and largest value of a packed column; the next code means nan."""
 
-DASHES = {'-': '', '--': '7 4', '-.': '9 3 2 3', ':': '2 3'}
-"""Matplotlib line style -> SVG dash array."""
-
 
 def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
     """
@@ -60,7 +57,6 @@ def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
     """
     pool: dict[tuple[float, float, str], int] = {}
     budget = max(LEAST_ROWS, ROW_BUDGET // max(1, len(runs)))
-    colors = [style.color for style in SPARE_STYLES]
     entries = []
     for run, label, style in zip(runs, labels(runs), styles(runs), strict=True):
         kept = select_rows(run, budget)
@@ -74,9 +70,7 @@ def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
                 'label': label,
                 'name': run.name,
                 'law': law_name(run.law),
-                'color': colors.index(style.color),
-                'dash': DASHES[style.dashes],
-                'width': round(1.25 * style.width, 3),
+                **look(style),
                 'rows': len(kept),
                 'total': run.rows,
                 'sensor': run.location,
@@ -89,6 +83,16 @@ def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
         'runs': entries,
         'pool': [{'low': low, 'span': span, 'data': data} for low, span, data in pool],
         'steps': STEPS,
+    }
+
+
+def look(style: Style) -> dict[str, Any]:
+    """Return a style with the names of the page: variable of the colour, SVG dashes, width, px."""
+    width = round(1.25 * style.width, 3)
+    return {
+        'color': style.hue if style.shade == 'base' else f'{style.hue}-{style.shade}',
+        'dash': ' '.join(f'{length * width:.3g}' for length in style.dashes),
+        'width': width,
     }
 
 

@@ -32,9 +32,11 @@ from importlib import resources
 import json
 import os
 from pathlib import Path
+import re
 from string import Template
 from typing import Any
 
+from flexarm_ros.analysis.palette import style_sheet
 from flexarm_ros.analysis.report import tables
 from flexarm_ros.analysis.report.claims import evaluate
 from flexarm_ros.analysis.report.data import page_data
@@ -45,6 +47,7 @@ import numpy as np
 
 SCRIPTS = ('report_base.js', 'report_chart.js', 'report_arm.js', 'report_fls.js', 'report_main.js')
 PAGE = 'report.html'
+CONTENTS = '<!--contents-->'
 
 
 def write_report(runs: Sequence[Path | ReportedRun], out: Path) -> Path:
@@ -66,7 +69,7 @@ def write_report(runs: Sequence[Path | ReportedRun], out: Path) -> Path:
 
 def render(runs: Sequence[ReportedRun]) -> str:
     """Return the page of some runs as text."""
-    style = _asset('report.css')
+    style = style_sheet() + _asset('report.css')
     script = f'"use strict";\n(() => {{\n{"".join(map(_asset, SCRIPTS))}}})();\n'
     data = page_data(runs)
     fuzzy = any(run.law == 'fls' for run in runs)
@@ -74,7 +77,7 @@ def render(runs: Sequence[ReportedRun]) -> str:
         data['fls'] = _fls_data(runs)
     count = '1 run' if len(runs) == 1 else f'{len(runs)} runs'
     names = ', '.join(run.name for run in runs)
-    return Template(_asset('report.html')).substitute(
+    page = Template(_asset('report.html')).substitute(
         title=escape(f'flexarm report: {names if len(names) <= 80 else count}'),
         subtitle=escape(f'{count} of a two-link flexible arm: {names}'),
         style=style,
@@ -89,6 +92,18 @@ def render(runs: Sequence[ReportedRun]) -> str:
         scenario=tables.scenario_table(runs),
         provenance=tables.provenance_table(runs),
         data=script_json(data),
+    )
+    return page.replace(CONTENTS, _contents(page), 1)
+
+
+def _contents(page: str) -> str:
+    """Return links to the sections of a page as items of a list."""
+    found = re.findall(
+        r'<section [^>]*?(class="needs-script")?>\s*<h2 id="([\w-]+)">(.*?)</h2>', page
+    )
+    return ''.join(
+        f'<li{" " + css if css else ""}><a href="#{anchor}">{title}</a></li>'
+        for css, anchor, title in found
     )
 
 

@@ -142,9 +142,9 @@ def claims_section(claims: Claims) -> str:
     return (
         '<section aria-labelledby="h-claims"><h2 id="h-claims">The paper’s claims</h2>'
         f'{parts}{remarks}'
-        '<p class="note">Each claim is a list of comparisons, the same that '
-        '<code>flexarm suite paper</code> makes; overshoot[0] is the one at the first switch. '
-        'A claim holds in part where some of them hold.</p></section>'
+        '<p class="note">Each claim is a list of comparisons, shown by a click on it, the same '
+        'that <code>flexarm suite paper</code> makes. overshoot[0] is the one at the first '
+        'switch. A claim holds in part where some of them hold.</p></section>'
     )
 
 
@@ -157,14 +157,16 @@ def _claim(claim: Claim) -> str:
         if part == claim.checks
         else f' as far as these runs show ({part} of {claim.checks} comparisons)'
     )
+    held = sum(bool(outcome.holds) for outcome in claim.outcomes)
     items = ''.join(
         f'<li><span class="{"good" if outcome.holds else "bad"}">'
         f'{"yes" if outcome.holds else "no"}</span> {text(outcome.text)}</li>'
         for outcome in claim.outcomes
     )
     return (
-        f'<div class="claim {edge}-edge"><p>{text(claim.text)}: '
-        f'<strong class="{edge}">{verdict}</strong>{count}</p><ul>{items}</ul></div>'
+        f'<details class="claim {edge}-edge"><summary>{text(claim.text)}: '
+        f'<strong class="{edge}">{verdict}</strong>{count} '
+        f'<span class="count">({held} of {part} hold)</span></summary><ul>{items}</ul></details>'
     )
 
 

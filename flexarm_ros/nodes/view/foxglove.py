@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from flexarm_ros.core.signals import BASE_FRAME
-from flexarm_ros.nodes.view.ros import BLUE, GREEN, GREY, ORANGE, PINK
+from flexarm_ros.nodes.view.ros import JOINTS, law_color, REFERENCE, SENSED
 from flexarm_ros.nodes.view.scene import Frame, Point, Scene
 from flexarm_ros.nodes.view.urdf import transforms
 
@@ -96,26 +96,28 @@ class FoxgloveView:
         )  # fmt: skip
         entity = sdk.SceneEntity(
             timestamp=time, frame_id=BASE_FRAME, id='arm',
-            lines=list(self._lines(frame, scene)), spheres=list(self._spheres(frame)),
+            lines=list(self._lines(frame, scene)), spheres=list(self._spheres(frame, scene)),
         )  # fmt: skip
         self._scene.log(sdk.SceneUpdate(entities=[entity]), log_time=stamp)
         self._numbers.log(frame.numbers(), log_time=stamp)
 
     def _lines(self, frame: Frame, scene: Scene) -> Iterable[Any]:
         first, second = frame.links
+        arm = law_color(scene.config.controller.law)
         for points, thickness, color in (
-            (first, 0.08, BLUE), (second, 0.08, ORANGE), (scene.path, 0.03, PINK),
-            (scene.trail, 0.03, ORANGE),
+            (first, 0.08, arm), (second, 0.08, arm), (scene.path, 0.03, REFERENCE),
+            (scene.trail, 0.03, arm),
         ):  # fmt: skip
             yield self._messages.LinePrimitive(
                 thickness=thickness, color=self._color(color),
                 points=[self._messages.Point3(x=x, y=y, z=0.0) for x, y in points],
             )  # fmt: skip
 
-    def _spheres(self, frame: Frame) -> Iterable[Any]:
+    def _spheres(self, frame: Frame, scene: Scene) -> Iterable[Any]:
         spots: tuple[tuple[Point, float, tuple[float, float, float]], ...] = (
-            (frame.line[0], 0.2, GREY), (frame.line[frame.elbow], 0.2, GREY),
-            (frame.tip, 0.2, ORANGE), (frame.sensed, 0.15, GREEN), (frame.reference, 0.15, PINK),
+            (frame.line[0], 0.2, JOINTS), (frame.line[frame.elbow], 0.2, JOINTS),
+            (frame.tip, 0.2, law_color(scene.config.controller.law)),
+            (frame.sensed, 0.15, SENSED), (frame.reference, 0.15, REFERENCE),
         )  # fmt: skip
         sdk = self._messages
         for (x, y), size, color in spots:

@@ -39,15 +39,18 @@ import threading
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from flexarm_ros.analysis.palette import style_sheet
+
 Command = Callable[[Mapping[str, Any]], str]
 """Carries out a command; returns what went wrong, empty if nothing."""
 
+_CSS = 'text/css; charset=utf-8'
 _FILES = {
     '/': ('page.html', 'text/html; charset=utf-8'),
     '/page.js': ('page.js', 'text/javascript; charset=utf-8'),
-    '/page.css': ('page.css', 'text/css; charset=utf-8'),
+    '/page.css': ('page.css', _CSS),
     '/uplot.js': ('uplot/uPlot.iife.min.js', 'text/javascript; charset=utf-8'),
-    '/uplot.css': ('uplot/uPlot.min.css', 'text/css; charset=utf-8'),
+    '/uplot.css': ('uplot/uPlot.min.css', _CSS),
 }
 _POLICY = (
     "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; "
@@ -167,6 +170,8 @@ class _Handler(BaseHTTPRequestHandler):
             name, kind = _FILES[path]
             content = (files('flexarm_ros.nodes.view') / 'assets' / name).read_bytes()
             self._send(HTTPStatus.OK, content, kind)
+        elif path == '/palette.css':
+            self._send(HTTPStatus.OK, style_sheet().encode(), _CSS)
         elif path == '/recording.json' and self.page.recording is not None:
             self._send(HTTPStatus.OK, self.page.recording.encode(), 'application/json')
         elif path == '/events':

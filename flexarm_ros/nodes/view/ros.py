@@ -21,6 +21,7 @@ from importlib import import_module
 import math
 from typing import Any
 
+from flexarm_ros.analysis.palette import LAW_HUES, rgb, SPARE_HUES
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.signals import BASE_FRAME
 from flexarm_ros.nodes.view.scene import Frame, Point, Scene
@@ -35,10 +36,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 MARKERS = '~/markers'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-BLUE, ORANGE, GREEN, PINK, GREY = (
-    (0.0, 0.45, 0.70), (0.90, 0.62, 0.0), (0.0, 0.62, 0.45), (0.80, 0.47, 0.65), (0.6, 0.6, 0.6)
-)  # fmt: skip
-"""Colours of Okabe and Ito, distinct with colour vision deficiencies."""
+SENSED, REFERENCE, JOINTS = map(rgb, ('amber', 'purple', 'slate'))
+
+
+def law_color(law: str) -> tuple[float, float, float]:
+    """Return the colour of the arm: the hue of the control law."""
+    return rgb(LAW_HUES.get(law, SPARE_HUES[0]))
 
 
 class RosView:
@@ -68,17 +71,18 @@ class RosView:
 def markers(frame: Frame, scene: Scene) -> Iterable[Marker]:
     """Yield the markers of a frame: the links, the trails, tip, sensed point and reference."""
     first, second = frame.links
-    yield _marker(frame, 'link1', Marker.LINE_STRIP, BLUE, 0.08, first)
-    yield _marker(frame, 'link2', Marker.LINE_STRIP, ORANGE, 0.08, second)
-    yield _marker(frame, 'joints', Marker.SPHERE_LIST, GREY, 0.2, (first[0], second[0]))
-    yield _marker(frame, 'tip', Marker.SPHERE_LIST, ORANGE, 0.2, (frame.tip,))
+    arm = law_color(scene.config.controller.law)
+    yield _marker(frame, 'link1', Marker.LINE_STRIP, arm, 0.08, first)
+    yield _marker(frame, 'link2', Marker.LINE_STRIP, arm, 0.08, second)
+    yield _marker(frame, 'joints', Marker.SPHERE_LIST, JOINTS, 0.2, (first[0], second[0]))
+    yield _marker(frame, 'tip', Marker.SPHERE_LIST, arm, 0.2, (frame.tip,))
     for name, color, point in (
-        ('sensed', GREEN, frame.sensed), ('reference', PINK, frame.reference)
+        ('sensed', SENSED, frame.sensed), ('reference', REFERENCE, frame.reference)
     ):  # fmt: skip
         if math.isfinite(point[0]):
             yield _marker(frame, name, Marker.SPHERE_LIST, color, 0.15, (point,))
-    yield _marker(frame, 'path', Marker.LINE_STRIP, PINK, 0.03, scene.path)
-    yield _marker(frame, 'trail', Marker.LINE_STRIP, ORANGE, 0.03, scene.trail)
+    yield _marker(frame, 'path', Marker.LINE_STRIP, REFERENCE, 0.03, scene.path)
+    yield _marker(frame, 'trail', Marker.LINE_STRIP, arm, 0.03, scene.trail)
 
 
 def _marker(

@@ -18,8 +18,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 import json
+import math
 from pathlib import Path
 
+from flexarm_ros.analysis.palette import color, HUES
 from flexarm_ros.analysis.report.page import write_report
 import pytest
 from report_browser import Browser, find_chromium
@@ -57,6 +59,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         'three': write_report([runs[case] for case in CASES], root / 'three'),
         'unstable': write_report([runs['unstable'], runs['fls_tip']], root / 'both'),
         'evil': write_report([evil, runs['fls_tip']], root / 'evil'),
+        'paper': write_report([fly(root / 'paper', 'fls_tip')], root / 'claims'),
     }
 
 
@@ -197,7 +200,7 @@ def test_the_arm_ends_where_elbow_and_tip_were_recorded(
     d = page.js("document.querySelector('#paths .arm').getAttribute('d')")
     points = [tuple(map(float, part.split())) for part in d[1:].split('L')]
     elbow, tip = points[24], points[48]
-    scale = (tip[0] - base[0]) / cells[9]
+    scale = math.dist(tip, base) / math.hypot(cells[9], cells[10])
     assert points[0] == pytest.approx(base, abs=0.1)
     for point, (x, y) in ((elbow, cells[7:9]), (tip, cells[9:11])):
         assert point == pytest.approx((base[0] + scale * x, base[1] - scale * y), abs=0.6)
@@ -362,6 +365,42 @@ def test_theme_follows_the_reader_and_the_button(page: Browser) -> None:
     assert page.js(color) == dark
 
 
+def test_the_contents_lead_to_the_sections(page: Browser) -> None:
+    listed = page.js("[...document.querySelectorAll('.contents a')].map((a) => a.hash.slice(1))")
+    there = page.js("[...document.querySelectorAll('section > h2')].map((h) => h.id)")
+    assert listed == there and 'h-motion' in listed
+
+
+def test_a_claim_shows_its_comparisons_by_a_click(page: Browser, pages: dict[str, Path]) -> None:
+    page.load(pages['paper'])
+    shown = "document.querySelector('.claim ul').checkVisibility()"
+    assert not page.js(shown)
+    page.click('.claim summary')
+    assert page.js(shown)
+    page.click('.claim summary')
+    page.js("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.js(shown)  # on paper too
+    page.js("window.dispatchEvent(new Event('afterprint'))")
+    assert not page.js(shown)
+
+
+def test_a_table_that_is_cut_off_says_so(page: Browser) -> None:
+    cues = "[...document.querySelectorAll('.cue')].map((c) => !c.hidden)"
+    assert not any(page.js(cues))
+    page.size(360, 740, mobile=True)
+    page.until(f'{cues}[0]')
+    page.js("document.querySelector('.scroll').scrollLeft = 9999")
+    page.until(f'!{cues}[0]')
+
+
+def test_runs_of_a_law_have_its_hue(page: Browser) -> None:
+    strokes = page.js(
+        "[...document.querySelectorAll('#runs line')].map((l) => getComputedStyle(l).stroke)"
+    )
+    wanted = [color('fls', shade) for shade in ('soft', 'base', 'strong')]
+    assert strokes == [f'rgb({", ".join(map(str, bytes.fromhex(w[1:])))})' for w in wanted]
+
+
 @pytest.mark.parametrize('name', ['three', 'unstable', 'evil'])
 def test_a_phone_s_width_holds_the_page(
     browser: Browser, pages: dict[str, Path], name: str
@@ -398,7 +437,9 @@ def test_a_page_prints(page: Browser) -> None:
 
 def test_contrast_of_texts_and_curves(page: Browser) -> None:
     """WCAG 2.1: 4.5 to 1 for text, 3 to 1 for what a picture is made of."""
-    names = ['fg', 'soft', 'good', 'bad', 'part', 'accent', *(f'c{i}' for i in range(7))]
+    texts = ['fg', 'soft', 'good', 'bad', 'part', 'accent']
+    curves = [hue + shade for hue in HUES for shade in ('', '-soft', '-strong')]
+    names = texts + curves
     for theme in ('light', 'dark'):
         page.media(prefers_color_scheme=theme)
         values = page.js(
@@ -408,15 +449,15 @@ def test_contrast_of_texts_and_curves(page: Browser) -> None:
         colors = dict(zip(['bg', 'panel', *names], values, strict=True))
         for ground in ('bg', 'panel'):
             for name in names:
-                least = 3.0 if name.startswith('c') else 4.5
+                least = 3.0 if name in curves else 4.5
                 assert contrast(colors[name], colors[ground]) >= least, (theme, name, ground)
 
 
 def contrast(first: str, second: str) -> float:
     """Return the contrast ratio of two colours ``#rrggbb``."""
     lights = []
-    for color in (first, second):
-        parts = [part / 255.0 for part in bytes.fromhex(color[1:])]
+    for text in (first, second):
+        parts = [part / 255.0 for part in bytes.fromhex(text[1:])]
         linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
         lights.append(0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2])
     return (max(lights) + 0.05) / (min(lights) + 0.05)

@@ -31,16 +31,16 @@ function drawArm(chart, group, run, time) {
   const row = rowAt(run, time), { first, second } = armPoints(run, row);
   const all = first.concat(second.slice(1));
   if (!all.every((p) => isFinite(p[0]) && isFinite(p[1]))) return;
-  const g = svg("g", { class: time > run.end + 0.01 ? "ended" : "" }, group), color = "s" + run.color;
+  const g = svg("g", { class: time > run.end + 0.01 ? "ended" : "" }, group), stroke = hue(run);
   const at = (p) => chart.px(p[0]).toFixed(1) + " " + chart.py(p[1]).toFixed(1);
-  svg("path", { d: "M" + all.map(at).join("L"), class: "arm " + color, "stroke-width": 2 + 2 * run.width }, g);
-  const dot = (p, r) => svg("circle", { cx: chart.px(p[0]).toFixed(1), cy: chart.py(p[1]).toFixed(1), r, class: "joint " + color }, g);
+  svg("path", { d: "M" + all.map(at).join("L"), class: "arm", stroke, "stroke-width": 2 + 2 * run.width }, g);
+  const dot = (p, r) => svg("circle", { cx: chart.px(p[0]).toFixed(1), cy: chart.py(p[1]).toFixed(1), r, class: "joint", stroke }, g);
   dot(second[0], 5);
   dot(second[24], 4);
   if (run.sensor !== null) {
     const s = Math.min(1, Math.max(0, (run.sensor - run.lengths[0]) / run.lengths[1])), p = second[Math.round(s * 24)];
     const x = chart.px(p[0]), y = chart.py(p[1]);
-    svg("path", { d: `M${x} ${y - 8}L${x + 8} ${y}L${x} ${y + 8}L${x - 8} ${y}Z`, class: "joint " + color }, g);
+    svg("path", { d: `M${x} ${y - 8}L${x + 8} ${y}L${x} ${y + 8}L${x - 8} ${y}Z`, class: "joint", stroke }, g);
   }
 }
 

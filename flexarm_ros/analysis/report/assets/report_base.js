@@ -78,9 +78,11 @@ function show(value) {
   return value.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : size >= 1 ? 3 : 4).replace("-", "−");
 }
 
+const hue = (run) => `var(--${run.color})`;
+
 function swatch(run, parent) {
   const box = svg("svg", { class: "swatch", viewBox: "0 0 30 10", "aria-hidden": "true" }, parent);
-  svg("line", { x1: 0, y1: 5, x2: 30, y2: 5, "stroke-width": 2 + run.width, class: "s" + run.color, "stroke-dasharray": run.dash }, box);
+  svg("line", { x1: 0, y1: 5, x2: 30, y2: 5, "stroke-width": 1 + run.width, stroke: hue(run), "stroke-dasharray": run.dash }, box);
 }
 
 // Draws a picture whenever its box gets another width, and on paper at the paper's.
@@ -101,5 +103,26 @@ function follow(box, draw, paperWidth) {
   new ResizeObserver(() => requestAnimationFrame(picture.fit)).observe(box);
 }
 
-window.addEventListener("beforeprint", () => { printing = true; for (const p of pictures) p.paper(); });
-window.addEventListener("afterprint", () => { printing = false; for (const p of pictures) { p.width = 0; p.fit(); } });
+// Says below a table that is wider than its box that there is more of it.
+function cue(box) {
+  const note = html("p", "The table goes on to the right: scroll it sideways.", null, "note cue");
+  box.after(note);
+  const check = () => { note.hidden = box.scrollWidth - box.clientWidth - box.scrollLeft < 4; };
+  box.addEventListener("scroll", check);
+  new ResizeObserver(check).observe(box);
+  if (box.firstElementChild) new ResizeObserver(check).observe(box.firstElementChild);
+}
+
+// On paper nothing is folded.
+let folded = [];
+window.addEventListener("beforeprint", () => {
+  printing = true;
+  folded = [...document.querySelectorAll("details:not([open])")];
+  for (const details of folded) details.open = true;
+  for (const p of pictures) p.paper();
+});
+window.addEventListener("afterprint", () => {
+  printing = false;
+  for (const details of folded) details.open = false;
+  for (const p of pictures) { p.width = 0; p.fit(); }
+});

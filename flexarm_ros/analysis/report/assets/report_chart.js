@@ -99,9 +99,9 @@ class Chart {
   curve(curve, parent) {
     const d = this.options.equal ? this.trace(curve) : this.envelope(curve);
     if (!d) return;
-    const classes = ["series", curve.className || "s" + curve.run.color].join(" ");
+    const classes = ["series", curve.className || ""].join(" "), stroke = curve.className === "reference" ? null : hue(curve.run);
     const dash = curve.dash !== undefined ? curve.dash : curve.run.dash;
-    svg("path", { d, class: classes, "stroke-dasharray": dash, "stroke-width": curve.width || curve.run.width }, parent);
+    svg("path", { d, class: classes, ...(stroke && { stroke }), "stroke-dasharray": dash, "stroke-width": curve.width || curve.run.width }, parent);
   }
 
   // A path point by point; points that fall on the one before are left out.

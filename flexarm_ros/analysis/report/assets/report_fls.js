@@ -24,10 +24,11 @@ function drawSets(parent, sets, scale, xLabel, label) {
       svg("text", { x: 36, y: y(value) + 4, "text-anchor": "end" }, node).textContent = value;
     }
     svg("text", { x: x(high), y: h - 8, "text-anchor": "end" }, node).textContent = xLabel;
+    svg("text", { transform: `translate(12 ${y(0.5)}) rotate(-90)`, "text-anchor": "middle" }, node).textContent = "membership";
     sets.forEach((set, i) => {
       const [a, b, c] = set.feet;
       const d = `M${x(a)} ${y(a === b ? 1 : 0)}L${x(b)} ${y(1)}L${x(c)} ${y(c === b ? 1 : 0)}`;
-      svg("path", { d, class: "series s" + i, "stroke-dasharray": ["", "7 4", "9 3 2 3"][i % 3], "stroke-width": 1.8 }, node);
+      svg("path", { d, class: "series", stroke: `var(--${["green", "purple", "amber"][i % 3]})`, "stroke-dasharray": ["", "7 4", "9 3 2 3"][i % 3], "stroke-width": 1.8 }, node);
       svg("text", { x: x(b), y: 20, "text-anchor": "middle", class: "title" }, node).textContent = set.name;
     });
   };
@@ -112,7 +113,7 @@ class Surface {
       parts.push((pen ? "L" : "M") + p.x.toFixed(1) + " " + p.y.toFixed(1));
       pen = true;
     }
-    if (parts.length) svg("path", { d: parts.join(""), class: "series s" + run.color, "stroke-width": 1 }, node);
+    if (parts.length) svg("path", { d: parts.join(""), class: "series", stroke: hue(run), "stroke-width": 1 }, node);
   }
 
   // The ground, with the axes along its two nearer edges and lambda's at its leftmost corner.

@@ -2,6 +2,7 @@
 const page = JSON.parse(byId("data").textContent);
 const runs = loadRuns(page);
 const shown = () => runs.filter((run) => run.shown);
+const layered = () => shown().sort((a, b) => b.width - a.width); // a thin curve over a wide one
 const endTime = Math.max(1e-9, ...runs.map((run) => run.end));
 const state = { time: 0, playing: false, before: 0 };
 
@@ -27,8 +28,8 @@ const paths = new Chart(byId("paths"), {
       if (!seen.has(key)) list.push({ run, x: run.c.ref_x, y: run.c.ref_y, className: "reference", dash: "6 4", width: 1 });
       seen.add(key);
     }
-    for (const run of shown()) list.push({ run, x: run.c.rigid_x, y: run.c.rigid_y });
-    if (byId("show-tip").checked) for (const run of shown()) list.push({ run, x: run.c.tip_x, y: run.c.tip_y, className: "thin s" + run.color, dash: "2 3", width: 1 });
+    for (const run of layered()) list.push({ run, x: run.c.rigid_x, y: run.c.rigid_y });
+    if (byId("show-tip").checked) for (const run of shown()) list.push({ run, x: run.c.tip_x, y: run.c.tip_y, className: "thin", dash: "2 3", width: 1 });
     return list;
   },
   alsoShown: () => {
@@ -41,7 +42,7 @@ const paths = new Chart(byId("paths"), {
     for (const run of shown()) {
       if (!run.c.t.length) continue;
       const row = rowAt(run, state.time), x = run.c.rigid_x[row], y = run.c.rigid_y[row];
-      if (isFinite(x) && isFinite(y)) svg("circle", { cx: chart.px(x), cy: chart.py(y), r: 4, class: "joint s" + run.color }, group);
+      if (isFinite(x) && isFinite(y)) svg("circle", { cx: chart.px(x), cy: chart.py(y), r: 4, class: "joint", stroke: hue(run) }, group);
     }
   },
   onSeek: (x, y, chart) => { const hit = nearest(x, y, chart); if (hit) setTime(hit.run.c.t[hit.row]); },
@@ -70,7 +71,7 @@ const series = SERIES.filter(([name]) => known(name)).map(([name, label, group])
   const box = html("div", null, byId("series"), "chart");
   const chart = new Chart(box, {
     label: label + " over time", xLabel: "time, s", yLabel: label, paperWidth: 700, height: (w) => (w < 480 ? 170 : 190),
-    curves: () => shown().map((run) => ({ run, x: run.c.t, y: run.c[name] })),
+    curves: () => layered().map((run) => ({ run, x: run.c.t, y: run.c[name] })),
     marks: () => switches,
     overlay: (c, g) => svg("line", { class: "cursor", x1: c.px(state.time), x2: c.px(state.time), y1: c.plot.y, y2: c.plot.y + c.plot.h }, g),
     onSeek: (x) => setTime(x),
@@ -268,6 +269,8 @@ function connect() {
   document.addEventListener("keydown", keys);
 }
 
+document.querySelectorAll(".scroll").forEach(cue);
+document.querySelector(".motion").classList.toggle("many", runs.length > 3);
 buildRuns();
 buildValues();
 buildFls();

@@ -4,11 +4,11 @@ const byId = (id) => document.getElementById(id);
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const WINDOW = 3000; // points of a plot and of the trail
 const PLOTS = [
-  { title: "tip error, m", series: [["error", "tip_error", "--c0"]] },
-  { title: "deflections, m", series: [["link 1", "delta1", "--c0"], ["link 2", "delta2", "--c1"]] },
-  { title: "torque, N m", series: [["joint 1", "tau1", "--c0"], ["joint 2", "tau2", "--c1"]] },
-  { title: "fuzzy gain lambda", series: [["lambda", "lambda", "--c2"]] },
-  { title: "age of the newest tip measurement, ms", series: [["age", "age_ms", "--c3"]] },
+  { title: "tip error, m", series: [["error", "tip_error", "--law"]] },
+  { title: "deflections, m", series: [["link 1", "delta1", "--green"], ["link 2", "delta2", "--purple"]] },
+  { title: "torque, N m", series: [["joint 1", "tau1", "--green"], ["joint 2", "tau2", "--purple"]] },
+  { title: "fuzzy gain lambda", series: [["lambda", "lambda", "--law"]] },
+  { title: "age of the newest tip measurement, ms", series: [["age", "age_ms", "--amber"]] },
 ];
 const view = { hello: null, frames: [], frame: null, recorded: null, at: 0, playing: true, seenAt: 0, plots: [], stale: true };
 
@@ -50,11 +50,11 @@ function drawArm() {
     if (diamond) { g.moveTo(x, y - r); g.lineTo(x + r, y); g.lineTo(x, y + r); g.lineTo(x - r, y); g.closePath(); } else g.arc(x, y, r, 0, 7);
     g.fill();
   };
-  line(view.frames.map((f) => f.reference), "--c3", 1.5, [6, 4]);
-  line(view.frames.map((f) => f.line[f.line.length - 1]), "--c1", 1.5);
-  line(frame.line, "--c0", 5);
-  dot(frame.line[0], "--fg", 6); dot(frame.line[frame.elbow], "--fg", 5); dot(frame.line[frame.line.length - 1], "--c0", 5);
-  dot(frame.reference, "--c3", 5); dot(frame.sensed, "--c2", 7, true);
+  line(view.frames.map((f) => f.reference), "--purple", 1.5, [6, 4]);
+  line(view.frames.map((f) => f.line[f.line.length - 1]), "--law", 1.5);
+  line(frame.line, "--law", 5);
+  dot(frame.line[0], "--fg", 6); dot(frame.line[frame.elbow], "--fg", 5); dot(frame.line[frame.line.length - 1], "--law", 5);
+  dot(frame.reference, "--purple", 5); dot(frame.sensed, "--amber", 7, true);
 }
 
 // --- the plots -------------------------------------------------------------------------------
@@ -193,6 +193,7 @@ function showParameters() {
 function greet(hello) {
   const before = view.hello;
   view.hello = hello;
+  document.documentElement.dataset.law = hello.law;
   byId("run").textContent = hello.law ? `law ${hello.law}, feedback ${hello.feedback}` : "no run yet";
   if (hello.recorded && !view.recorded) startRecorded();
   if (before && before.law !== hello.law) { byId("main-parameters").textContent = ""; byId("more-parameters").textContent = ""; view.frames.length = 0; view.plots = []; }
@@ -217,4 +218,5 @@ stream.addEventListener("frame", (event) => { if (!view.recorded) take(JSON.pars
 stream.addEventListener("state", (event) => { if (!view.recorded) showState(JSON.parse(event.data)); });
 stream.onerror = () => { if (!view.recorded) showState("no server"); };
 stream.onopen = () => { if (!view.recorded) showState("waiting for a run"); };
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { view.plots = []; view.stale = true; });
 requestAnimationFrame(paint);
