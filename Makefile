@@ -20,7 +20,7 @@ help:
 	@echo 'make test      format, lint, types and tests'
 	@echo 'make test-all  the same with the slow tests'
 	@echo 'make pythons   a run on every Python and every ROS 2 distribution that there are wheels for'
-	@echo 'make paper     the paper'\''s ten cases, and its claims one by one'
+	@echo 'make paper     the paper'\''s ten cases, its claims one by one, its Figures 5 to 8'
 	@echo 'make studies   the tables and pictures of docs/paper.md, stability.md and fls.md, an hour'
 	@echo 'make bench     speed of the loop and of the nodes'
 	@echo 'make validate  the models against theory and reference solutions'

@@ -269,3 +269,31 @@ def test_bad_usage_flies_nothing(words: list[str], said: str, tmp_path: Path) ->
     assert said in done.stderr
     assert len(done.stderr.splitlines()) <= 2
     assert not (tmp_path / 'out').exists()
+
+
+PAPER = """
+defaults:
+  mode: simulate
+  set: {duration: 2.0, trajectory.side_time: 0.5, trajectory.side: 1.0}
+cases:
+  - {scenario: pd_collocated}
+  - {scenario: pd_tip}
+  - {scenario: fls_collocated}
+  - {scenario: fls_tip}
+claims:
+  - claim: all are stable
+    verdict: holds
+    checks: [pd_tip.stable == 1]
+"""
+
+
+def test_a_suite_with_claims_ends_with_the_paper_s_figures(tmp_path: Path) -> None:
+    (tmp_path / 's.yaml').write_text(PAPER, 'utf-8')
+    done = flexarm('suite', tmp_path / 's.yaml', '--out', tmp_path / 'out')
+    assert (done.returncode, done.stderr.count('Traceback')) == (0, 0)
+    report = tmp_path / 'out' / 'report'
+    *_, page, figures = done.stdout.splitlines()
+    assert page == f'report {report / "report.html"}' and (report / 'report.html').is_file()
+    named = figures.split(': ')[1].split(', ')
+    assert {'figure_5.png', 'figure_5.svg', 'figure_6.png', 'figure_6.svg'} <= set(named)
+    assert all((report / name).is_file() for name in named)

@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 BEFORE, AFTER = 0.1, 0.6
 """Time around a direction switch whose path sets the frame of a zoomed view, s."""
 
+INSETS = (0.34, 0.27, 0.2)
+"""Sides of insets, parts of the axes; a smaller one only where a larger one covers a curve."""
+
 
 def corner_figure(groups: Sequence[Panel], only: Sequence[int] | None = None) -> Figure:
     """
@@ -144,16 +147,19 @@ def _free_place(axis: Axes, x: float, y: float) -> tuple[float, float, float, fl
              for curve in axis.get_lines()]  # fmt: skip
     points = (np.concatenate(drawn) - low) / span
     peak = (np.array([x, y]) - low) / span
-    best, least = (0.5, 0.5), (np.inf, np.inf)
-    for left in np.linspace(0.04, 0.62, 30):
-        for bottom in np.linspace(0.1, 0.62, 27):
-            corner = np.array([left - 0.03, bottom - 0.1])
-            inside = np.all((points > corner) & (points < corner + [0.4, 0.47]), axis=1)
-            away = float(np.hypot(*(corner + [0.2, 0.235] - peak)))
-            cost = (float(inside.sum()), away)
-            if cost < least:
-                best, least = (float(left), float(bottom)), cost
-    return *best, 0.34, 0.34
+    best, least = (0.5, 0.5, INSETS[-1]), np.inf
+    for size in INSETS:
+        for left in np.linspace(0.04, 0.96 - size, 30):
+            for bottom in np.linspace(0.1, 0.96 - size, 27):
+                corner = np.array([left - 0.03, bottom - 0.1])
+                extent = np.array([size + 0.06, size + 0.13])
+                inside = np.all((points > corner) & (points < corner + extent), axis=1)
+                cost = inside.sum() + np.hypot(*(corner + extent / 2.0 - peak)) / 4.0
+                if cost < least:
+                    best, least = (float(left), float(bottom), size), cost
+        if least < 1.0:
+            break  # nothing is covered
+    return *best, best[2]
 
 
 def _peak(run: ReportedRun, time: float) -> tuple[float, float, float] | None:

@@ -65,7 +65,7 @@ def path_figure(groups: Sequence[Panel], zoomed: Sequence[int] = ()) -> Figure:
     legends = _legend_height(groups)
     figure = new_figure(5.2 * columns, sum(heights) + 0.55 + legends * rows)
     grid = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights)
-    limits = _limits([run for group in groups for run in group.runs])
+    limits = _limits(groups)
     upper = grid[:: 2 if apart else 1]
     for axis, group in zip_longest(upper.ravel(), groups):
         if group is None:
@@ -78,10 +78,12 @@ def path_figure(groups: Sequence[Panel], zoomed: Sequence[int] = ()) -> Figure:
     if apart:
         lowest = list(grid[1::2].ravel())
         _draw_distances(lowest, groups)
+        for row in grid[1::2]:
+            row[0].set_ylabel('mm')
     for axis, top, _ in zip(lowest, upper.ravel(), groups, strict=False):
         legend_below(axis, *top.get_legend_handles_labels(), ncols=2, inches=0.42)
-    for row in grid:
-        row[0].set_ylabel(row[0].get_ylabel() or 'y, m')
+    for row in upper:
+        row[0].set_ylabel('y, m')
     return figure
 
 
@@ -96,12 +98,16 @@ def _names(group: Panel) -> list[str]:
     return [label for _, _, label in styled(group)]
 
 
-def _limits(runs: Sequence[ReportedRun]) -> Box:
-    """Return equal spans around all paths, references and the base: x, then y."""
+def _limits(groups: Sequence[Panel]) -> Box:
+    """Return equal spans around all that is drawn, the base included: x, then y."""
     spans = []
+    drawn = []
+    for group in groups:
+        names = ('rigid', 'ref', 'tip') if len(group.runs) == 1 else ('rigid', 'ref')
+        drawn += [(run, name) for run in group.runs for name in names]
     for axis in 'xy':
-        values = np.concatenate([run.columns[f'{name}_{axis}'] for run in runs
-                                 for name in ('rigid', 'ref')] + [np.zeros(1)])  # fmt: skip
+        columns = [run.columns[f'{name}_{axis}'] for run, name in drawn]
+        values = np.concatenate([*columns, np.zeros(1)])
         values = values[np.isfinite(values)]
         spans.append((float(values.min()), float(values.max())))
     half = 0.54 * max(1e-3, *(high - low for low, high in spans))
@@ -142,7 +148,6 @@ def _draw_distances(axes: Sequence[Axes], groups: Sequence[Panel]) -> None:
         axis.set_title(f'distance from {first.role or first.name}, mm', fontsize=9)
     for axis in axes:
         axis.set_ylim(0.0, 1.06 * highest if highest > 0.0 else 1.0)
-    axes[0].set_ylabel('mm')
 
 
 def _distance(run: ReportedRun, other: ReportedRun) -> tuple[FloatArray, FloatArray]:

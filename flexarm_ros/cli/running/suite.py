@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from dataclasses import replace
 import importlib.util
 from pathlib import Path
@@ -28,6 +29,7 @@ from flexarm_ros.cli.options.own_nodes import add_option, own_nodes
 from flexarm_ros.cli.signals import Deferred
 
 if TYPE_CHECKING:
+    from flexarm_ros.launcher.suite import SuiteResult
     from flexarm_ros.scenario.suites.suite import Case
 
 
@@ -85,10 +87,32 @@ def run(args: argparse.Namespace) -> int:
         write_junit(result, args.junit)
         print(f'junit  {args.junit}')
     print(f'runs   {out}')
+    if result.claims:
+        _report(result, out)
     if signals.signum:
         print('flexarm suite: interrupted', file=sys.stderr)
         return signals.status
     return 0 if result.passed else 1
+
+
+def _report(result: SuiteResult, out: Path) -> None:
+    """Write page and figures of a suite with claims, and name the paper's figures among them."""
+    from flexarm_ros.analysis.figures.runs import write_figures
+    from flexarm_ros.analysis.report.page import write_report
+    from flexarm_ros.analysis.report.runs import load_run, RunError
+
+    runs = []
+    for case in result.cases:
+        with contextlib.suppress(RunError):  # a case that failed may have left no run
+            runs.append(load_run(case.directory))
+    if not runs:
+        return
+    folder = out / 'report'
+    page, pictures = write_report(runs, folder), write_figures(runs, folder)
+    figures = sorted(path.name for path in pictures if path.stem.startswith('figure_'))
+    print(f'report {page}')
+    if figures:
+        print(f"paper's figures in {folder}: {', '.join(figures)}")
 
 
 def _flown(case: Case, mode: str) -> Case:
