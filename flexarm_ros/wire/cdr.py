@@ -180,6 +180,12 @@ class Codec:
 
             return generic_decode.values(self.type_name, data, self.fields)
 
+    def prepare_any(self) -> None:
+        """Load now, 0.1 s, what the first message of another layout takes in `decode_any`."""
+        from flexarm_ros.wire import generic_decode
+
+        generic_decode.values(self.type_name, self.template, self.fields)
+
     def fill(self, records: NDArray[np.void], stamps: IntArray, values: FloatArray) -> None:
         """
         Set the stamps ``(n,)``, ns, and the values ``(n, fields)`` of many messages, as `encode`.

@@ -19,6 +19,8 @@ from __future__ import annotations
 import contextlib
 import math
 import struct
+import subprocess
+import sys
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
@@ -29,6 +31,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from repository import ROOT
 
 CODECS: list[Codec] = [
     *(topic.codec for topic in per_tick_topics(RunConfig())),
@@ -139,6 +142,31 @@ def test_foreign_layouts() -> None:
     big = bytes(store.serialize_cdr(message, codec.type_name, little_endian=False))
     assert big[1] == 0
     assert codec.decode_any(big) == (7_000_000_001, (1.5, -2.5))
+
+
+PREPARED = """
+import sys
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.wire.cdr import JointStateCodec
+from flexarm_ros.wire.topics import per_tick_topics
+
+for topic in per_tick_topics(RunConfig()):
+    topic.codec.prepare_any()
+before = set(sys.modules)
+command = next(t for t in per_tick_topics(RunConfig()) if t.name == 'joint_command')
+names = command.codec.names[::-1]
+foreign = JointStateCodec(names, 'world', ('effort',)).encode(7, 1.5, -2.5)
+assert command.codec.decode_any(foreign) == (7, (-2.5, 1.5))
+print(sorted(set(sys.modules) - before))
+"""
+"""Prints what the first message of another layout imports after the preparation for it."""
+
+
+def test_what_another_layout_takes_is_loaded_beforehand() -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', PREPARED], capture_output=True, text=True, check=False, cwd=ROOT
+    )
+    assert (done.returncode, done.stdout) == (0, '[]\n'), done.stderr
 
 
 @pytest.mark.parametrize(

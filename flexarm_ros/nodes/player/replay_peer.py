@@ -92,6 +92,7 @@ class ControllerSeat:
                 raise RunFailed('controller', fault)
             seen = (seen or time.monotonic()) if publishers and not held else 0.0
             if seen and time.monotonic() - seen > _EXTERNAL_GRACE_S:
+                self._topic.codec.prepare_any()
                 break
             time.sleep(0.02)
         else:

@@ -100,6 +100,9 @@ class Phases:
         self._live.restore()
         me.build()
         me.warm_up()
+        for entry in me.inputs.values():
+            if entry.source in self._membership.external:
+                entry.topic.codec.prepare_any()  # else it makes tick 0 late in a free-running run
         self._membership.built = True
 
     def _enter_ready(self, now: float) -> None:

@@ -21,7 +21,7 @@ import time
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.status import EPOCH, Phase
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, JOIN_INTERVAL_S
-from membertools import FakeMember, Side
+from membertools import Calls, FakeMember, Side
 import pytest
 
 
@@ -58,6 +58,17 @@ def test_a_node_is_built_once_all_agree_and_ready_once_all_are_connected(me: Fak
     assert me.names().count('build') == 1
     assert me.peers.locked
     assert [status.phase for status in me.board.published] == [Phase.READY, Phase.RUNNING]
+
+
+@pytest.mark.parametrize(('external', 'prepared'), [(set(), 0), ({'plant'}, 1)])
+def test_another_layout_is_prepared_for_before_tick_0(
+    me: FakeMember, external: set[str], prepared: int
+) -> None:
+    me.inputs['plant/state'].configure = me.outputs['joint_states'].configure = lambda *_: None
+    me.input.topic.codec = Calls(me.calls)
+    me.peers.external |= external
+    me.phases.poll(time.monotonic())
+    assert me.names().count('prepare_any') == prepared
 
 
 def test_a_subscription_that_gets_nothing_is_named_in_the_log(me: FakeMember) -> None:
