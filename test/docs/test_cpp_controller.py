@@ -20,6 +20,7 @@ from pathlib import Path
 import re
 import shutil
 import subprocess
+import sys
 import xml.etree.ElementTree as ET
 
 from flexarm_ros.core.parameters.sections import RunConfig
@@ -29,6 +30,7 @@ from nodetools import flexarm, ROOT
 import pytest
 
 EXAMPLE = ROOT / 'examples' / 'cpp_controller'
+PYTHON = ROOT / 'examples' / 'minimal_controller.py'
 SOURCE = (EXAMPLE / 'src' / 'controller.cpp').read_text()
 ENDPOINT = re.compile(r'create_(publisher|subscription)<(\w+)>\(\s*"([^"]+)",\s*(\w+)')
 
@@ -50,6 +52,15 @@ def test_its_topics_are_those_of_the_protocol() -> None:
         assert (qos, int(depth[0]), depth[1]) == ('qos', topic.qos.depth, topic.qos.reliability)
     assert f'keep last {depth[0]}' in page
     assert set(re.findall(r'"(shoulder|elbow)"', SOURCE)) == set(JOINTS)
+
+
+def test_its_law_is_that_of_the_example_in_python() -> None:
+    call = r'torque\(state, "(\w+)", ([^,]+), ([^,]+), ([^,)]+)\)'
+    joints, *numbers = zip(*re.findall(call, SOURCE), strict=True)
+    assert joints == JOINTS
+    goal, kp, kd = (', '.join(each).replace('M_PI', 'math.pi') for each in numbers)
+    law = PYTHON.read_text()
+    assert f'\nGOAL = ({goal})\nKP, KD = ({kp}), ({kd})\n' in law
 
 
 def test_it_is_a_package_like_any_other() -> None:
@@ -81,11 +92,17 @@ def test_it_is_built_and_flown(tmp_path: Path, ros_domain: int) -> None:
     build = tmp_path / 'build'
     for words in (('-S', str(EXAMPLE), '-B', str(build)), ('--build', str(build))):
         subprocess.run(['cmake', *words], check=True, timeout=300)
-    for sync in ('lockstep', 'free'):
+    same = f'{sys.executable} {PYTHON}'
+    for name, controller, words in (
+        ('processes', build / 'controller', ()),
+        ('python', same, ('--compose',)),
+        ('free', build / 'controller', ('--set', 'sync=free', '--set', 'control_period=0.005')),
+    ):
         done = flexarm(
-            'run', 'pd_tip', '--compose', '--node', f'controller={build / "controller"}',
-            '--set', 'duration=0.5', '--set', f'sync={sync}', '--no-pictures',
-            '--out', tmp_path / sync,
+            'run', 'pd_tip', '--node', f'controller={controller}', '--set', 'duration=0.5',
+            '--no-pictures', '--out', tmp_path / name, *words,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-        assert flexarm('verify', tmp_path / sync).returncode == 0
+        assert flexarm('verify', tmp_path / name).returncode == 0
+    bags = [tmp_path / name / 'bag' / 'bag_0.mcap' for name in ('processes', 'python')]
+    assert bags[0].read_bytes() == bags[1].read_bytes()

@@ -13,8 +13,10 @@
 // limitations under the License.
 
 // PD on the joints: answers each plant/state with one joint_command of the same stamp.
+// The law, and in lock-step every recorded byte, is that of examples/minimal_controller.py.
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
 
@@ -42,7 +44,8 @@ private:
     command.header.stamp = state.header.stamp;  // the tick that this answers
     command.name = {"shoulder", "elbow"};
     command.effort = {
-      torque(state, "shoulder", -2.5, 2000.0, 400.0), torque(state, "elbow", 0.28, 600.0, 120.0)};
+      torque(state, "shoulder", -3 * M_PI / 4 - 0.14, 2000.0, 400.0),
+      torque(state, "elbow", 0.28, 600.0, 120.0)};
     command_->publish(command);
   }
 
