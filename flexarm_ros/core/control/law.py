@@ -77,6 +77,8 @@ class Law:
     """Whether its gains change with time."""
     MODELS_LATENCY: ClassVar[bool] = False
     """Whether its model includes ``tip_sensor.latency``."""
+    EVERY_TICK: ClassVar[bool] = False
+    """Whether it must compute a torque at every tick, so that ``controller.rate`` is refused."""
 
     parameters: Any
     """Its own parameters, an instance of ``Parameters``; None for a law of this package."""
@@ -86,6 +88,12 @@ class Law:
     def __init__(self, config: RunConfig) -> None:
         self.config = config
         self.parameters = config.controller.own()
+
+    @property
+    def period(self) -> float:
+        """Time between its torques, s."""
+        rate = self.config.controller.rate
+        return 1.0 / rate if rate else self.config.run.control_period
 
     def retune(self, config: RunConfig) -> None:
         """Use the live gains of ``config`` from the next tick on; the state is kept."""

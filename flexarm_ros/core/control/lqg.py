@@ -258,7 +258,7 @@ class LqgLaw(Law):
     """Kalman filter and time-varying linear-quadratic regulator about the optimal motion."""
 
     ADAPT = False
-    PLANS = TIME_VARYING = MODELS_LATENCY = True
+    PLANS = TIME_VARYING = MODELS_LATENCY = EVERY_TICK = True
     SENSOR = 'tip_sensor'
 
     def __init__(self, config: RunConfig) -> None:

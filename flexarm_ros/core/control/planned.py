@@ -135,6 +135,7 @@ class PassiveLaw(InverseLaw):
     """``inverse`` with the joints' targets slowly corrected by the delayed tip."""
 
     SENSOR = 'tip_sensor'
+    EVERY_TICK = True
 
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)

@@ -82,7 +82,7 @@ class LowPass:
         self.value, self.rate = 0.0, 0.0
 
     def step(self, signal: float) -> None:
-        """Advance ``value`` and ``rate`` by one tick with ``signal``."""
+        """Advance ``value`` and ``rate`` by one period with ``signal``."""
         pull = self._square * (signal - self.value) - self._drag * self.rate
         self.rate += self._period * pull / (1.0 + self._period * self._drag)
         self.value += self._period * self.rate
@@ -95,7 +95,7 @@ class StateFeedback(Law):
 
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)
-        keys, period = self.parameters, config.run.control_period
+        keys, period = self.parameters, self.period
         self._rates = [LowPass(keys.rate_cutoff, keys.filter_damping, period) for _ in range(2)]
         self._bends = [
             LowPass(keys.deflection_cutoff, keys.filter_damping, period) for _ in range(2)

@@ -246,7 +246,11 @@ class ControllerPart(Answer):
         gains, period_ns = config.controller, Timeline.of(config.run).period_ns
         named_ns('controller.compute_delay', gains.compute_delay)
         every = ticks_between('controller.rate', gains.rate, period_ns)
-        if every > 1 and gains.law in ('passive', 'lqg', 'adaptive'):
+        if every == 1:
+            return
+        from flexarm_ros.core.control import LAWS
+
+        if LAWS[gains.law].EVERY_TICK:
             raise ValueError(
                 f'controller.rate: {gains.rate!r} Hz, allowed with law {gains.law}, whose model '
                 'advances at every tick: 0'
