@@ -131,7 +131,7 @@ def _read(config: RunConfig) -> tuple[str, str]:
 
 
 def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
-    from flexarm_ros.stability.sampled_loop import left_out
+    from flexarm_ros.stability.sampled_loop import largest_latency_s, left_out, sensor_of
 
     by_gain = _by_gain(found)
     return {
@@ -142,6 +142,7 @@ def _as_json(config: RunConfig, found: list[PoseStability]) -> dict[str, Any]:
         'measurand': config.tip_sensor.measurand,
         'control_period_s': config.run.control_period,
         'latency_s': found[0].latency_s,
+        'largest_latency_s': largest_latency_s(config.section(sensor_of(config))),
         'states': found[0].states,
         **{key: value for key, value in by_gain[0].items() if key != 'gain'},
         'gains': by_gain,
@@ -165,6 +166,27 @@ def _by_gain(found: list[PoseStability]) -> list[dict[str, Any]]:
             }
         )
     return result
+
+
+def _bound(config: RunConfig, worst: dict[str, Any], searched_s: float) -> str:
+    """Return a line on the largest latency of the loop's sensor, empty without jitter."""
+    from flexarm_ros.stability.sampled_loop import largest_latency_s, sensor_of
+
+    sensor = sensor_of(config)
+    channel = config.section(sensor)
+    largest, crossing = largest_latency_s(channel), worst['crossing_delay_s']
+    if not channel.jitter and channel.latencies is None:
+        return ''
+    if largest is None:
+        return f'  jitter of {sensor}: {channel.jitter_distribution}, no largest latency, no bound'
+    if crossing is not None:
+        verdict = 'below' if largest < crossing else 'NOT below'
+        verdict += ' the smallest crossing delay'
+    else:
+        verdict = (
+            'below any crossing' if largest <= searched_s else 'beyond the latencies searched'
+        )
+    return f'  jitter of {sensor}: largest latency {1e3 * largest:.4g} ms, {verdict}'
 
 
 def _pose_json(one: PoseStability) -> dict[str, Any]:
@@ -218,6 +240,8 @@ def _print_table(config: RunConfig, found: list[PoseStability]) -> None:
             f'gain {worst["gain"]:.4g}: {"stable" if worst["stable"] else "UNSTABLE"}, largest '
             f'modulus {worst["modulus"]:.8f}, smallest crossing delay {least} ms'
         )
+        if bound := _bound(config, worst, found[0].searched_s):
+            print(bound)
         print(_eigenvalues(max((x for x in found if x.gain == worst['gain']), key=_modulus)))
     if keys := left_out(config):
         print(f'not in the analysis: {", ".join(keys)}')

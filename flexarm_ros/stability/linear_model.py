@@ -28,9 +28,8 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.sensing.sensors import ticks_per_sample
 from flexarm_ros.core.signals import coordinate_names
-from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, ticks_between, Timeline
 from flexarm_ros.stability.hold import (
     buffer_line,
     DelayLine,
@@ -86,10 +85,10 @@ def linear_model(
     Return the arm of ``config`` with both sensors and their delays, about rest at a pose, rad.
 
     Outputs: the plant's coordinates and rates (undelayed), encoder and tip sensor as delivered,
-    the end deflections (undelayed).  Inputs: the torques at the joints.  Not included: drives,
-    Coulomb friction, noise, encoder resolution, motion of the
-    pose.  Raises ``ValueError``, naming the key, for a tip sensor slower than the tick (not
-    time-invariant) and for a delay of too many ticks.
+    the end deflections (undelayed).  Inputs: the torques at the joints.  Not included: drives
+    and the way of the command, the controller's rate, Coulomb friction, noise, encoder
+    resolution, jitter and loss, motion of the pose.  Raises ``ValueError``, naming the key, for
+    a sensor slower than the tick (not time-invariant) and for a delay of too many ticks.
     """
     arm = linearise(config, theta2, theta1)
     size = len(arm.mass)
@@ -178,9 +177,11 @@ def _delay_names(lines: list[DelayLine]) -> list[str]:
 
 
 def _check_rate(config: RunConfig) -> None:
-    ticks = ticks_per_sample(config.tip_sensor.rate, Timeline.of(config.run).period_ns)
-    if ticks > 1:
-        raise ValueError(
-            f'tip_sensor.rate: a sample lasts {ticks} ticks, so that the loop is not '
-            'time-invariant a tick; allowed here: 0 (every tick)'
-        )
+    period_ns = Timeline.of(config.run).period_ns
+    for node in ('encoder', 'tip_sensor'):
+        ticks = ticks_between(f'{node}.rate', config.section(node).rate, period_ns)
+        if ticks > 1:
+            raise ValueError(
+                f'{node}.rate: a sample lasts {ticks} ticks, so that the loop is not '
+                'time-invariant a tick; allowed here: 0 (every tick)'
+            )

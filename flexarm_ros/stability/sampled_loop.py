@@ -17,12 +17,13 @@ The sampled closed loop, linearised about rest at a pose of the arm.
 
 The loop's state is
 
-    (x, x', torques of drives with a bandwidth, content of each sensor's delay line, a held tip
-    sample, the law's own state)
+    (x, x', torques of drives with a bandwidth, content of each sensor's delay line, held samples,
+    the law's own state, a held torque, content of the command's delay line, a held command)
 
 at the start of a tick: the sensors deliver, the law computes, the torques are held and the arm
 moves to the next tick.  Small motions about the pose decay if every eigenvalue of this one-tick
-matrix is inside the unit circle.
+matrix is inside the unit circle.  With a lower rate of a sensor, the law or the command it is the
+matrix over the least common multiple of their ticks.
 
 For (21) this holds at the gain K_s lambda(0, 0) of straight links.  Another gain, by ``factor``,
 freezes lambda at its value for bent links: such a loop does not exist at rest, but does while the
@@ -31,18 +32,22 @@ arm swings.
 The motion-planning laws are in :mod:`flexarm_ros.stability.planned`.
 
 Not in the linear analysis: torque limits, Coulomb friction, backlash, noise, resolutions,
-disturbances, motion of the pose.  Viscous friction and the drives' bandwidth are in it.
+disturbances, jitter and loss of samples, motion of the pose.  Viscous friction, the drives'
+bandwidth, rates, the compute delay and the latency of the command are in it.  Measured latencies
+count with their mean; `largest_latency_s` is for a bound.
 """
 
 from __future__ import annotations
 
+import math
+
 from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.channel import ChannelParameters
 from flexarm_ros.core.parameters.rig import ActuatorParameters
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.make_plant import choose_integrator
-from flexarm_ros.core.sensing.sensors import ticks_per_sample
-from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, ticks_between, Timeline
 from flexarm_ros.stability.form import LinearLaw
 from flexarm_ros.stability.hold import (
     buffer_line,
@@ -61,6 +66,7 @@ MOST_STATES = 1500
 
 NODES = ('encoder', 'tip_sensor')
 CHANNELS = 4
+TORQUES = 2
 
 
 def sensor_of(config: RunConfig) -> str:
@@ -80,6 +86,11 @@ def left_out(config: RunConfig) -> list[str]:
             for key in ('backlash', 'resolution', 'torque_limit')
         },
         'controller.torque_limit': config.controller.torque_limit,
+        **{
+            f'{node}.{key}': getattr(config.section(node) or ChannelParameters(), key)
+            for node in (*NODES, 'actuator')
+            for key in ('jitter', 'dropout', 'latencies')
+        },
         'disturbance': config.section('disturbance') is not None,
         'encoder.noise_std': config.encoder.noise_std,
         'encoder.resolution': config.encoder.resolution,
@@ -89,6 +100,21 @@ def left_out(config: RunConfig) -> list[str]:
         'trajectory.delay': config.trajectory.delay,
     }
     return [key for key, value in keys.items() if value]
+
+
+def largest_latency_s(channel: ChannelParameters) -> float | None:
+    """Return the largest latency that a sample can have, s; None if there is no bound."""
+    if channel.latencies is not None:
+        return max(channel.latencies)
+    if channel.jitter > 0.0 and channel.jitter_distribution != 'uniform':
+        return None
+    return channel.latency + channel.jitter
+
+
+def _mean_latency_ns(node: str, channel: ChannelParameters) -> int:
+    if channel.latencies is not None:
+        return round(sum(channel.latencies) / len(channel.latencies) * NS_PER_S)
+    return named_ns(f'{node}.latency', channel.latency)
 
 
 class SampledLoop:
@@ -119,14 +145,26 @@ class SampledLoop:
         self.law = linear_law(config, self.arm, time)
         steps = choose_integrator(config) if integrator == 'plant' else None
         self.hold = driven_hold_matrices(self.arm, config.section('actuator'), self.period, steps)
-        self.ticks_per_sample = ticks_per_sample(tip.rate, self.period_ns)
+        drive = config.section('actuator') or ActuatorParameters()
+        rates = {
+            'encoder': config.encoder.rate, 'tip_sensor': tip.rate,
+            'controller': config.controller.rate, 'actuator': drive.rate,
+        }  # fmt: skip
+        self._every = {
+            node: ticks_between(f'{node}.rate', rate, self.period_ns)
+            for node, rate in rates.items()
+        }
+        self.ticks_per_sample = math.lcm(*self._every.values())
+        delay_ns = named_ns('controller.compute_delay', config.controller.compute_delay)
+        self._command_ns = -(-delay_ns // self.period_ns) * self.period_ns
+        self._way_ns = _mean_latency_ns('actuator', drive)
         point = self.arm.point(tip.location, tip.measurand == 'elastic')
         joints = np.eye(2, len(self.arm.mass))
         self._sensed = tuple(np.kron(np.eye(2), part) for part in (joints, point))
         self._compress, self._pade = compress, tip.latency_model == 'pade2'
         self._latencies = (
-            named_ns('encoder.latency', config.encoder.latency),
-            named_ns('tip_sensor.latency', tip.latency),
+            _mean_latency_ns('encoder', config.encoder),
+            _mean_latency_ns('tip_sensor', tip),
         )
 
     @property
@@ -156,7 +194,7 @@ class SampledLoop:
 
     def matrix(self, factor: float = 1.0, latency_ns: int | None = None) -> FloatArray:
         """
-        Return the state's matrix over one tick, or over a slower tip sensor's sample.
+        Return the state's matrix over one tick, or over `ticks_per_sample`.
 
         ``factor`` multiplies the torques; ``latency_ns`` replaces :attr:`latency_ns`.
         """
@@ -164,11 +202,15 @@ class SampledLoop:
         if latency_ns is not None:
             latencies[self.sensor] = latency_ns
         law = self.law.scaled(factor)
-        fresh = self._tick(law, latencies, fresh=True)
-        if self.ticks_per_sample == 1:
-            return fresh
-        held = self._tick(law, latencies, fresh=False)
-        return np.asarray(np.linalg.matrix_power(held, self.ticks_per_sample - 1) @ fresh)
+        found: dict[frozenset[str], FloatArray] = {}
+        result: FloatArray | None = None
+        for k in range(self.ticks_per_sample):
+            due = frozenset(node for node, every in self._every.items() if k % every == 0)
+            if due not in found:
+                found[due] = self._tick(law, latencies, due)
+            result = found[due] if result is None else found[due] @ result
+        assert result is not None
+        return result
 
     def eigenvalues(
         self, factor: float = 1.0, latency_ns: int | None = None
@@ -176,7 +218,7 @@ class SampledLoop:
         """
         Return the eigenvalues per tick, ``(states,)``, the largest modulus first.
 
-        If a tip sample lasts several ticks, they are the roots of those over that time.
+        If a sample or a torque lasts several ticks, they are the roots of those over that time.
         """
         values = np.linalg.eigvals(self.matrix(factor, latency_ns)).astype(complex)
         if self.ticks_per_sample > 1:
@@ -198,8 +240,8 @@ class SampledLoop:
             )
         return buffer_line(self.period_ns, latency_ns).wide(width)
 
-    def _tick(self, law: LinearLaw, latencies: dict[str, int], fresh: bool) -> FloatArray:
-        """Return the one-tick matrix; ``fresh``: the tip sensor takes a sample at this tick."""
+    def _tick(self, law: LinearLaw, latencies: dict[str, int], due: frozenset[str]) -> FloatArray:
+        """Return the one-tick matrix; ``due``: what takes a sample or computes at this tick."""
         a, b = self.hold
         size, own, arm = len(a), len(law.a), 2 * len(self.arm.mass)
         split = [self._split(law, arm + CHANNELS * i) for i in (0, 1)]
@@ -207,31 +249,45 @@ class SampledLoop:
             self._line(node, latencies[node], len(combined))
             for node, (_, combined) in zip(NODES, split, strict=True)
         ]
-        kept = len(split[1][1]) if self.ticks_per_sample > 1 else 0
-        ends = np.cumsum([size, len(lines[0].a), len(lines[1].a), kept, own])
-        first, second, store, memory = (
-            slice(int(start), int(end)) for start, end in zip(ends, ends[1:], strict=False)
-        )
+        kept = [
+            len(combined) if self._every[node] > 1 else 0
+            for node, (_, combined) in zip(NODES, split, strict=True)
+        ]
+        way = self._line('actuator', self._command_ns + self._way_ns, TORQUES)
+        out, at = (2 if self._every[node] > 1 else 0 for node in ('controller', 'actuator'))
+        ends = np.cumsum([size, len(lines[0].a), len(lines[1].a), *kept, own, out, len(way.a), at])
+        places = [slice(int(start), int(end)) for start, end in zip(ends, ends[1:], strict=False)]
+        memory, torques, command, applied = places[4:]
         total = int(ends[-1])
-        result = np.zeros((total, total))
+        result, whole = np.zeros((total, total)), np.eye(total)
         # The law's inputs as rows over the whole state: b for its own state, d for the torques.
-        rows = np.vstack([law.b, law.d])[:, :arm] @ np.eye(arm, total)
-        for place, line, sensed, (gains, combined) in zip(
-            (first, second), lines, self._sensed, split, strict=True
+        rows = np.vstack([law.b, law.d])[:, :arm] @ whole[:arm]
+        for node, place, store, line, sensed, (gains, combined) in zip(
+            NODES, places[:2], places[2:4], lines, self._sensed, split, strict=True
         ):
             sample = combined @ sensed
             result[place, :arm], result[place, place] = line.b @ sample, line.a
             delivered = np.zeros((len(combined), total))
             delivered[:, :arm], delivered[:, place] = line.d @ sample, line.c
-            if place is second and kept:
-                if not fresh:
-                    delivered[:] = np.eye(kept, total, store.start)
+            if node not in due:
+                delivered = whole[store]
+            if self._every[node] > 1:
                 result[store] = delivered
             rows += gains @ delivered
         rows[:own, memory] += law.a
         rows[own:, memory] += law.c
+        if 'controller' not in due:
+            rows[:own], rows[own:] = whole[memory], whole[torques]
         result[memory] = rows[:own]
-        result[:size] = b @ rows[own:]
+        if out:
+            result[torques] = rows[own:]
+        result[command] = way.b @ rows[own:] + way.a @ whole[command]
+        torque = way.d @ rows[own:] + way.c @ whole[command]
+        if 'actuator' not in due:
+            torque = whole[applied]
+        if at:
+            result[applied] = torque
+        result[:size] = b @ torque
         result[:size, :size] += a
         return result
 

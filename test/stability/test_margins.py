@@ -20,6 +20,7 @@ from dataclasses import replace
 import math
 
 from flexarm_ros.core.arm.kinematics import jacobian, rigid_point
+from flexarm_ros.core.parameters.rig import ActuatorParameters
 from flexarm_ros.core.parameters.sections import (
     ControllerParameters,
     EncoderParameters,
@@ -166,6 +167,17 @@ FLOWN: dict[str, dict[str, object]] = {
         'law': 'fls', 'latency': 0.0312, 'measurand': 'elastic', 'velocity_source': 'encoder',
     },
     'full, two modes': {'law': 'pd', 'latency': 0.0312, 'model': 'full'},
+    'a slow law that takes its time, plus': {
+        'law': 'pd', 'part': 1.04, 'rate': 250.0, 'compute_delay': 0.0015,
+    },
+    'a slow law, less': {'law': 'pd', 'part': 0.96, 'rate': 250.0},
+    'late commands, plus': {
+        'law': 'pd', 'part': 1.04, 'way': ActuatorParameters(latency=0.0013, rate=500.0),
+    },
+    'rates of all, less': {
+        'law': 'pd', 'part': 0.96, 'rate': 250.0, 'sensor_rate': 500.0,
+        'way': ActuatorParameters(latency=0.0005, bandwidth=(200.0, 200.0)),
+    },
 }  # fmt: skip
 
 
@@ -177,6 +189,10 @@ def flown(
     measurand: str = 'rigid',
     velocity_source: str = 'feedback',
     model: str = 'eq14',
+    rate: float = 0.0,
+    compute_delay: float = 0.0,
+    sensor_rate: float = 0.0,
+    way: ActuatorParameters | None = None,
 ) -> tuple[RunConfig, SampledLoop]:
     plant = PlantParameters(
         model=model, modes=2 if model == 'full' else 1, initial_position=(0.0, BEND)
@@ -185,10 +201,13 @@ def flown(
     config = RunConfig(
         run=RunParameters(duration=30.0),
         plant=plant,
-        encoder=EncoderParameters(),
-        tip_sensor=TipSensorParameters(location=location, measurand=measurand),
+        encoder=EncoderParameters(rate=sensor_rate),
+        tip_sensor=TipSensorParameters(location=location, measurand=measurand, rate=sensor_rate),
         trajectory=TrajectoryParameters(kind='hold', hold_position=(x, y)),
-        controller=ControllerParameters(law=law, velocity_source=velocity_source),
+        controller=ControllerParameters(
+            law=law, velocity_source=velocity_source, rate=rate, compute_delay=compute_delay
+        ),
+        further=() if way is None else (('actuator', way),),
     )
     if latency is None:
         crossing = analyse(config, Pose(0.0, 0.0, BEND)).crossing_s

@@ -48,6 +48,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_PICTURES = 12
+SUCCESS = 'stable'
+"""Value of a map that is the share of runs that reach their end."""
+
 _METRIC_UNITS = {'max_torque': 'N m', 'ticks': '', 'unstable_tick': ''}
 
 
@@ -56,7 +59,8 @@ class _Cells:
     """
     One figure's data over x and y.
 
-    The median value of the surviving runs, their share, and the index of the point.
+    The median value of the surviving runs, or the share if that is the value; their share, and
+    the index of the point.
     """
 
     title: str
@@ -118,7 +122,9 @@ def _cells(sweep: Sweep, table: Table, fixed: dict[str, str]) -> _Cells:
             share[row, column] = sum(map(bool, (table['stable'][i] for i in runs))) / len(runs)
         found = [table[plan.value][i] for i in runs if table['stable'][i]]
         known = [float(v) for v in found if v is not None]
-        if known:
+        if plan.value == SUCCESS and runs:
+            value[row, column] = share[row, column]
+        elif known:
             value[row, column] = median(known)
     title = ', '.join(v if k == 'scenario' else f'{_short(k)} {v}' for k, v in fixed.items())
     return _Cells(title, x, y, value, share, point)
@@ -260,5 +266,7 @@ def _label(name: str) -> str:
 
 
 def _metric_label(name: str) -> str:
+    if name == SUCCESS:
+        return 'share of runs that complete'
     unit = _METRIC_UNITS.get(name, 'm')
     return name.replace('_', ' ') + (f', {unit}' if unit else '')
