@@ -65,6 +65,19 @@ class PlanarForce:
 
 
 @dataclass(frozen=True)
+class Inertial:
+    """Rate of turn about z (rad/s) and specific force along x and y (m/s^2) of ``frame``."""
+
+    frame: str
+    gyro_variance: float = 0.0
+    accel_variance: float = 0.0
+    width: ClassVar[int] = 3
+
+
+Content = Clock | Joints | PlanarPoint | PlanarForce | Inertial
+
+
+@dataclass(frozen=True)
 class Signal:
     """
     The output of a part at each tick: the name of a topic and its content.
@@ -73,7 +86,7 @@ class Signal:
     """
 
     name: str
-    content: Clock | Joints | PlanarPoint | PlanarForce
+    content: Content
     every: int = 1
 
 

@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.parts import DRIVES, PlantPart
+from flexarm_ros.core.run.parts import PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.results.real_time import flat, shown
 from flexarm_ros.nodes.realtime.command import CommandInput
 from flexarm_ros.nodes.realtime.free import FreeRun
@@ -96,7 +96,10 @@ class PlantNode(Participant):
         self._command = self._read[0]
         self._time = self.outputs['/clock']
         self._state = self.outputs['plant/state']
-        self._drives = self.outputs.get(DRIVES)
+        self._further = [
+            (self.outputs[s.name], PLANT_VALUES[s.name])
+            for s in PlantPart.further_signals(self.config)
+        ]
         self._missing = self._command
         self._window = recorder_window(self.timeline.period_ns)
         self._free = self._free_run()
@@ -221,8 +224,8 @@ class PlantNode(Participant):
         stamp = self.timeline.stamp_ns(self.tick)
         plant = self.plant
         d1, d2, rate1, rate2 = plant.deflections()
-        if self._drives is not None:
-            self._drives.send(stamp, *plant.drives.ravel().tolist())
+        for output, values in self._further:
+            output.send(stamp, *values(plant))
         self._state.send(stamp, *plant.q.tolist(), d1, d2, *plant.qd.tolist(), rate1, rate2)
         if self._time.topic.due(self.tick):
             self._time.send(stamp)

@@ -307,6 +307,33 @@ class WrenchCodec(Codec):
         super().__init__('geometry_msgs/msg/WrenchStamped', labels, image)
 
 
+class ImuCodec(Codec):
+    """
+    ``sensor_msgs/msg/Imu``: rate of turn about z (rad/s), acceleration along x, y (m/s^2).
+
+    There is no orientation: element 0 of its covariance is -1, as the message asks.  The other
+    covariances have the variances of the measured axes, and are 0 (unknown) where these are 0.
+    """
+
+    def __init__(self, frame_id: str, gyro_variance: float, accel_variance: float) -> None:
+        image = _Image()
+        image.stamp()
+        image.text(frame_id)
+        for value in (0.0, 0.0, 0.0, 1.0, -1.0, *(0.0,) * 8):
+            image.constant('d', value)
+        for _ in range(2):  # rates of turn about x, y
+            image.constant('d', 0.0)
+        image.slots(1)
+        for i in range(9):
+            image.constant('d', gyro_variance if i == 8 else 0.0)
+        image.slots(2)
+        image.constant('d', 0.0)
+        for i in range(9):
+            image.constant('d', accel_variance if i in (0, 4) else 0.0)
+        labels = ('angular_velocity.z', 'linear_acceleration.x', 'linear_acceleration.y')
+        super().__init__('sensor_msgs/msg/Imu', labels, image)
+
+
 class ClockCodec(Codec):
     """``rosgraph_msgs/msg/Clock``: only a stamp."""
 

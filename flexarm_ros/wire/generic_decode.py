@@ -72,7 +72,7 @@ def values(type_name: str, data: bytes, fields: Sequence[str]) -> tuple[int, tup
             f.replace('pose.', 'pose.pose.').replace('twist.', 'twist.twist.') for f in fields
         ]
         return stamp_ns, tuple(float(attrgetter(g)(found)) for g in getters)
-    if type_name == 'geometry_msgs/msg/WrenchStamped':
+    if type_name in ('geometry_msgs/msg/WrenchStamped', 'sensor_msgs/msg/Imu'):
         return stamp_ns, tuple(float(attrgetter(field)(found)) for field in fields)
     return stamp_ns, ()
 

@@ -28,8 +28,22 @@ from dataclasses import dataclass, replace
 
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
 from flexarm_ros.core.run import part, parts
-from flexarm_ros.core.signals import BASE_FRAME, Clock, Joints, PlanarForce, PlanarPoint
-from flexarm_ros.wire.cdr import ClockCodec, Codec, JointStateCodec, OdometryCodec, WrenchCodec
+from flexarm_ros.core.signals import (
+    BASE_FRAME,
+    Content,
+    Inertial,
+    Joints,
+    PlanarForce,
+    PlanarPoint,
+)
+from flexarm_ros.wire.cdr import (
+    ClockCodec,
+    Codec,
+    ImuCodec,
+    JointStateCodec,
+    OdometryCodec,
+    WrenchCodec,
+)
 
 CLOCK, STATE, JOINT_STATES, TIP, REFERENCE, COMMAND = map(
     parts.place,
@@ -143,10 +157,12 @@ def _lockstep_topics(config: RunConfig) -> tuple[Topic, ...]:
     )
 
 
-def codec(content: Clock | Joints | PlanarPoint | PlanarForce) -> Codec:
+def codec(content: Content) -> Codec:
     """Return the codec of a signal's values."""
     if isinstance(content, PlanarForce):
         return WrenchCodec(BASE_FRAME)
+    if isinstance(content, Inertial):
+        return ImuCodec(content.frame, content.gyro_variance, content.accel_variance)
     if isinstance(content, Joints):
         return JointStateCodec(content.names, BASE_FRAME, content.fields)
     if isinstance(content, PlanarPoint):

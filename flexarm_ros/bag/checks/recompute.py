@@ -23,8 +23,8 @@ from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.loop_blocks import Stamped, stamped
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.part import Answer
-from flexarm_ros.core.run.parts import answering, DRIVES, PlantPart
+from flexarm_ros.core.run.part import Answer, DRIVES
+from flexarm_ros.core.run.parts import answering, PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import CLOCK, COMMAND, STATE, Topic
@@ -55,6 +55,9 @@ class Nodes:
         names = [topic.name for topic in topics]
         self._plant_reads = [names.index(name) for name in PlantPart.reads(config)]
         self._drives = names.index(DRIVES) if DRIVES in names else None
+        self._further = [
+            (names.index(s.name), PLANT_VALUES[s.name]) for s in PlantPart.further_signals(config)
+        ]
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
         self._last_held = self._timeline.stamp_ns(0)
         self._answers: dict[int, Values] | None = {} if config.run.sync == 'free' else None
@@ -76,8 +79,8 @@ class Nodes:
         state = self._state(tick, before)
         if state is not None:
             found[STATE] = (stamp, state.values())
-            if self._drives is not None:
-                found[self._drives] = (stamp, tuple(self._plant.drives.ravel().tolist()))
+            for place, values in self._further:
+                found[place] = (stamp, tuple(values(self._plant)))
         recorded = now[STATE]
         views: list[Any] = list(now)
         views[STATE] = MessageState(recorded) if recorded is not None else None

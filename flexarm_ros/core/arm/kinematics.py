@@ -192,24 +192,107 @@ def make_point(plant: PlantParameters, location: float, elastic: bool) -> PointK
     along = (min(location, first), max(location - first, 0.0))
     shapes = np.zeros((3, count + 1))
     shapes[0, count], shapes[2, count] = along
+    shortening = []
+    for link in (0, 1):
+        shapes[2 * link, :count], slope, short = _shapes_at(plant, link, along[link])
+        shortening.append(short)
+        if link == 0:
+            shapes[1, :count] = slope
+    return PointKinematics(shapes, np.ascontiguousarray(np.stack(shortening)))
+
+
+def _shapes_at(
+    plant: PlantParameters, link: int, distance: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """
+    Return shape functions (N,), slopes (N,) and foreshortening at ``distance`` m from the joint.
+
+    The foreshortening is (N, N) as in `elastic_point`, (0, 0) for a model without.
+    """
     if plant.model == 'full':
         from flexarm_ros.core.arm.full.shapes import link_shapes
 
-        shapes[0, :count], shapes[1, :count], short1 = link_shapes(plant, 0, along[0])
-        shapes[2, :count], _, short2 = link_shapes(plant, 1, along[1])
-        shortening = np.ascontiguousarray(np.stack([short1, short2]))
-    else:
-        for link in (0, 1):
-            modes = ClampedFreeModes(
-                plant.length[link], plant.mass_density[link], plant.flexural_rigidity[link], count
-            )
-            bent, beyond = plant.flexible_part(link, along[link])
-            slope = modes.slope(bent)
-            shapes[2 * link, :count] = modes.shape(bent) + beyond * slope
-            if link == 0:
-                shapes[1, :count] = slope
-        shortening = np.zeros((2, 0, 0))
-    return PointKinematics(shapes, shortening)
+        return link_shapes(plant, link, distance)
+    modes = ClampedFreeModes(
+        plant.length[link], plant.mass_density[link], plant.flexural_rigidity[link], plant.modes
+    )
+    bent, beyond = plant.flexible_part(link, distance)
+    slope = modes.slope(bent)
+    return modes.shape(bent) + beyond * slope, slope, np.zeros((0, 0))
+
+
+def frame_shapes(plant: PlantParameters, location: float) -> tuple[FloatArray, FloatArray]:
+    """
+    Return ``shapes`` (4, N + 1) and ``shortening`` of a frame fixed to the bent arm.
+
+    ``location`` m from the shoulder along the arm; for `frame_motion`: the rows of
+    `elastic_point`, then the slopes of link 2 at the frame; the last entry of row 1 is 1 for a
+    frame on link 2, 0 on link 1.
+    """
+    point = make_point(plant, location, elastic=True)
+    beyond = location - plant.spans[0]
+    slopes = np.zeros((1, plant.modes + 1))
+    if beyond > 0.0:
+        slopes[0, : plant.modes] = _shapes_at(plant, 1, beyond)[1]
+    shapes = np.concatenate([point.shapes, slopes])
+    shapes[1, plant.modes] = float(beyond > 0.0)
+    return shapes, point.shortening
+
+
+@compiled
+def frame_motion(
+    q: FloatArray, qd: FloatArray, qdd: FloatArray, shapes: FloatArray, shortening: FloatArray
+) -> tuple[float, float, float]:
+    """
+    Return the rate of turn (rad/s) and the acceleration (m/s^2) of a frame on the bent arm.
+
+    The acceleration is that of its origin in ``base``, along the frame's axes: x along the
+    tangent of the link towards the tip, y to the left.  ``qdd`` (n,): accelerations of the
+    coordinates; for ``shapes`` and ``shortening`` see `frame_shapes`.
+    """
+    count = shapes.shape[1] - 1
+    second = shapes[1, count] > 0.0
+    w1, dw1, ddw1, w2, dw2, ddw2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    turn, dturn, ddturn, tilt, dtilt = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        j, k = 2 + i, 2 + count + i
+        w1 += shapes[0, i] * q[j]
+        dw1 += shapes[0, i] * qd[j]
+        ddw1 += shapes[0, i] * qdd[j]
+        turn += shapes[1, i] * q[j]
+        dturn += shapes[1, i] * qd[j]
+        ddturn += shapes[1, i] * qdd[j]
+        w2 += shapes[2, i] * q[k]
+        dw2 += shapes[2, i] * qd[k]
+        ddw2 += shapes[2, i] * qdd[k]
+        tilt += shapes[3, i] * q[k]
+        dtilt += shapes[3, i] * qd[k]
+    u1, du1, ddu1 = shapes[0, count], 0.0, 0.0
+    u2, du2, ddu2 = shapes[2, count], 0.0, 0.0
+    for i in range(shortening.shape[1]):
+        for j in range(shortening.shape[1]):
+            a, b, s = 2 + i, 2 + j, shortening[0, i, j]
+            u1 -= 0.5 * s * q[a] * q[b]
+            du1 -= s * q[a] * qd[b]
+            ddu1 -= s * (qd[a] * qd[b] + q[a] * qdd[b])
+            a, b, s = a + count, b + count, shortening[1, i, j]
+            u2 -= 0.5 * s * q[a] * q[b]
+            du2 -= s * q[a] * qd[b]
+            ddu2 -= s * (qd[a] * qd[b] + q[a] * qdd[b])
+    # Of each link in its own axes, which turn.
+    rate, spin = qd[0], qdd[0]
+    along = ddu1 - 2.0 * rate * dw1 - spin * w1 - rate * rate * u1
+    across = ddw1 + 2.0 * rate * du1 + spin * u1 - rate * rate * w1
+    if not second:
+        sine, cosine = sincos(turn)
+        return rate + dturn, cosine * along + sine * across, cosine * across - sine * along
+    sine, cosine = sincos(turn + q[1])
+    along, across = cosine * along + sine * across, cosine * across - sine * along
+    rate, spin = rate + dturn + qd[1], spin + ddturn + qdd[1]
+    along += ddu2 - 2.0 * rate * dw2 - spin * w2 - rate * rate * u2
+    across += ddw2 + 2.0 * rate * du2 + spin * u2 - rate * rate * w2
+    sine, cosine = sincos(tilt)
+    return rate + dtilt, cosine * along + sine * across, cosine * across - sine * along
 
 
 def jacobian(

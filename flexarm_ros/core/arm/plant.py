@@ -61,6 +61,13 @@ class Plant(Protocol):
     def deflections(self) -> tuple[float, float, float, float]:
         """Return delta1, delta2 (m) and their rates (m/s)."""
 
+    def acceleration(self) -> list[float]:
+        """
+        Return q'' at the end of the last step, with its torques; rad/s^2, m/s^2.
+
+        After `set_state`, before any step: without torques.
+        """
+
     def set_state(self, q: Sequence[float] | FloatArray, qd: Sequence[float] | FloatArray) -> None:
         """Overwrite the state, shapes ``(2 + 2 modes,)``."""
 

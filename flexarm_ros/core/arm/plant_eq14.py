@@ -277,9 +277,11 @@ class Eq14Plant:
         )
         self._matrix, self._work = np.zeros((size, size)), np.zeros((5, size))
         self._ends = (0.0, 0.0, 0.0, 0.0)
+        self._torque = (0.0, 0.0)
 
     def step(self, tau1: float, tau2: float) -> None:
         """Advance by one tick with the joint torques, N m, held."""
+        self._torque = tau1, tau2
         self._ends = step_eq14(
             self._state, tau1, tau2, self._step, self.substeps, self._mass, self._diagonals,
             self._coupling, self._matrix, self._work,
@@ -293,7 +295,18 @@ class Eq14Plant:
         """Overwrite the state, shapes ``(2 + 2 modes,)``."""
         self.q[:] = q
         self.qd[:] = qd
+        self._torque = (0.0, 0.0)
         self._ends = end_deflections(self._state, self._diagonals[2])
+
+    def acceleration(self) -> list[float]:
+        """Return q'': see `flexarm_ros.core.arm.plant.Plant`."""
+        out = self._work[3]
+        _acceleration(
+            self.q, self.qd, *self._torque, self._mass, self._diagonals, self._coupling,
+            self._matrix, out,
+        )  # fmt: skip
+        found: list[float] = out.tolist()
+        return found
 
     def record(self) -> Eq14Record:
         """Return the plant for compiled code, which advances it in place."""

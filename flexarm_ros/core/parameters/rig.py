@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sections of optional parts: strain gauges, the joints' drives, disturbances."""
+"""Sections of optional parts: strain gauges, an IMU, the joints' drives, disturbances."""
 
 from __future__ import annotations
 
@@ -79,6 +79,39 @@ class StrainGaugeParameters(ChannelParameters):
         if self.output == 'strain':
             return self.deflection_per_curvature(link, length) / self.gain[link]
         return length if self.output == 'angle' else 1.0
+
+
+@dataclass(frozen=True)
+class ImuParameters(ChannelParameters):
+    """Section ``imu``: an inertial measurement unit on the bent arm."""
+
+    location: float | None = _key(
+        None, 'float', 'm', 'location from the shoulder along the arm; default: the tip', low=0.0,
+        high=2e4,
+    )  # fmt: skip
+    accel_noise_density: float = _key(
+        0.0, 'float', 'm/s^2/sqrt(Hz)', 'white noise of the specific force, each axis; the '
+        'standard deviation of a sample is that times sqrt(1 / sample interval)', low=0.0,
+        high=1e6, live=True,
+    )  # fmt: skip
+    gyro_noise_density: float = _key(
+        0.0, 'float', 'rad/s/sqrt(Hz)', 'white noise of the rate of turn', low=0.0, high=1e6,
+        live=True,
+    )  # fmt: skip
+    accel_bias: float = _key(
+        0.0, 'float', 'm/s^2', 'constant bias of the specific force, each axis', low=-1e6, high=1e6
+    )
+    gyro_bias: float = _key(
+        0.0, 'float', 'rad/s', 'constant bias of the rate of turn', low=-1e6, high=1e6
+    )
+    accel_bias_walk: float = _key(
+        0.0, 'float', 'm/s^3/sqrt(Hz)', 'random walk of the bias of the specific force, each '
+        'axis, from 0: its standard deviation after t s is that times sqrt(t)', low=0.0, high=1e6,
+    )  # fmt: skip
+    gyro_bias_walk: float = _key(
+        0.0, 'float', 'rad/s^2/sqrt(Hz)', 'random walk of the bias of the rate of turn', low=0.0,
+        high=1e6,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.part import COMMAND, JOINT_STATES, REFERENCE, TIP
-from flexarm_ros.core.run.parts import Answers, ControllerPart, DRIVES, place, PlantPart
+from flexarm_ros.core.run.parts import Answers, ControllerPart, place, PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.state import Four, State
 from flexarm_ros.core.sensing.sensors import Measurement
 from flexarm_ros.core.timeline import Timeline
@@ -114,7 +114,9 @@ class ClosedLoop:
         self._last = self.answers.messages
         self._applied = places[inputs[0]] if inputs[0] != COMMAND else None
         self._wrench = places[inputs[1]] if len(inputs) > 1 else None
-        self._drives = places.get(DRIVES)
+        self._further = [
+            (places[s.name], PLANT_VALUES[s.name]) for s in PlantPart.further_signals(config)
+        ]
 
     def tick(self) -> TickRecord | None:
         """Run the next tick; ``None`` if the run has ended or the arm is unstable."""
@@ -131,8 +133,8 @@ class ClosedLoop:
         if k >= self._agenda.next:
             self._retune(k)
         state = State(plant.q, plant.qd, plant.deflections())
-        if self._drives is not None:
-            self._last[self._drives] = tuple(plant.drives.ravel().tolist())
+        for index, values in self._further:
+            self.answers.tell(index, tuple(values(plant)))
         messages = self._tick(k, state)
         self.torque = messages[_COMMAND]
         self._end_tick(k)

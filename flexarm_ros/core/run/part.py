@@ -28,6 +28,7 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.signals import Signal
 
 CLOCK, STATE = '/clock', 'plant/state'
+DRIVES, ACCELERATION = 'plant/drives', 'plant/acceleration'
 JOINT_STATES, TIP = 'joint_states', 'tip_sensor/odometry'
 REFERENCE, COMMAND = 'reference', 'joint_command'
 

@@ -34,10 +34,12 @@ from flexarm_ros.core.parameters.sections import (
     TrajectoryParameters,
 )
 from flexarm_ros.core.run.part import (
+    ACCELERATION,
     Answer,
     CLOCK,
     Column,
     COMMAND,
+    DRIVES,
     JOINT_STATES,
     Part,
     REFERENCE,
@@ -51,6 +53,7 @@ from flexarm_ros.core.run.rig_parts import (
     WRENCH,
 )
 from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
+from flexarm_ros.core.sensing.imu import ImuPart
 from flexarm_ros.core.sensing.strain_gauge import (
     closes_the_loop,
     deflection_scales,
@@ -74,7 +77,11 @@ if TYPE_CHECKING:
     from flexarm_ros.core.sensing.sensors import Measurement
 
 
-DRIVES = 'plant/drives'
+PLANT_VALUES: dict[str, Callable[[Any], Sequence[float]]] = {
+    DRIVES: lambda plant: plant.drives.ravel().tolist(),
+    ACCELERATION: lambda plant: plant.acceleration(),
+}
+"""Topic of a further signal of the plant -> its values at the plant's state."""
 
 
 class PlantPart(Part):
@@ -92,9 +99,19 @@ class PlantPart(Part):
 
     @classmethod
     def further_signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return angles and rates of drives with backlash, rad, rad/s, at the joints."""
-        drive = config.section(ActuatorPart.NAME)
-        return (Signal(DRIVES, Joints()),) if drive is not None and any(drive.backlash) else ()
+        """
+        Return what is needed beside the state: see `PLANT_VALUES`.
+
+        Angles and rates of drives with backlash, rad, rad/s, at the joints; for an IMU the rates
+        of the coordinates' rates, rad/s^2, m/s^2.
+        """
+        drive, found = config.section(ActuatorPart.NAME), []
+        if drive is not None and any(drive.backlash):
+            found.append(Signal(DRIVES, Joints()))
+        if config.section(ImuPart.NAME) is not None:
+            names = tuple(f'{name}_rate' for name in coordinate_names(config.plant.modes))
+            found.append(Signal(ACCELERATION, Joints(names, ('velocity',))))
+        return tuple(found)
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
@@ -318,8 +335,8 @@ class RecorderPart(Part):
 _TOPIC = re.compile(r'/?[A-Za-z]\w*(/[A-Za-z]\w*)*', re.ASCII)
 
 PARTS: tuple[type[Part], ...] = (
-    PlantPart, EncoderPart, TipSensorPart, StrainGaugePart, TrajectoryPart, ControllerPart,
-    ActuatorPart, DisturbancePart, RecorderPart,
+    PlantPart, EncoderPart, TipSensorPart, StrainGaugePart, ImuPart, TrajectoryPart,
+    ControllerPart, ActuatorPart, DisturbancePart, RecorderPart,
 )  # fmt: skip
 """This package's parts, in the order in which a tick's data flow."""
 
@@ -508,6 +525,10 @@ class Answers:
         if late:
             return sensor if len(reads) == 1 else late_of_some
         return of_some if reads else of_none
+
+    def tell(self, place: int, values: tuple[float, ...]) -> None:
+        """Give the parts another message of the plant, before `tick`."""
+        self.messages[place] = self._inputs[place] = values
 
     def tick(self, k: int, state: State) -> tuple[Any, ...]:
         """Let every part answer ``state`` of tick ``k``; return the messages."""

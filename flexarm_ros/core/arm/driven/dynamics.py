@@ -120,6 +120,12 @@ def make_scratch(n: int) -> Scratch:
     )  # fmt: skip
 
 
+def end_acceleration(s: Scratch) -> FloatArray:
+    """Return where `step_driven` leaves the accelerations at its end, (n + 2,)."""
+    found: FloatArray = s.stages[6]
+    return found
+
+
 @compiled
 def drive_torque(
     rig: Rig, start: FloatArray, target: FloatArray, time: float, out: FloatArray

@@ -20,7 +20,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from flexarm_ros.core.arm.driven.dynamics import impulse, make_scratch, Rig, step_driven
+from flexarm_ros.core.arm.driven.dynamics import (
+    end_acceleration,
+    impulse,
+    make_scratch,
+    Rig,
+    settle,
+    step_driven,
+)
 from flexarm_ros.core.arm.driven.terms import make_terms
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, steps_for
@@ -69,6 +76,7 @@ class DrivenPlant:
         self._scratch = make_scratch(size)
         self._torque, self._target = np.zeros(2), np.zeros(2)
         self._bends = _bends(plant)
+        self._moved = False
 
     def step(
         self, tau1: float, tau2: float, target1: float | None = None, target2: float | None = None
@@ -86,6 +94,7 @@ class DrivenPlant:
             self._terms, self._rig, self._pos, self._vel, self._torque, self._target, self._step,
             self.substeps, self._scratch,
         )  # fmt: skip
+        self._moved = True
 
     @property
     def events(self) -> int:
@@ -122,6 +131,16 @@ class DrivenPlant:
         self.q[:] = q
         self.qd[:] = qd
         self.drives[0], self.drives[1] = self.q[:2], self.qd[:2]
+        self._moved = False
+
+    def acceleration(self) -> list[float]:
+        """Return q'': see `flexarm_ros.core.arm.plant.Plant`."""
+        found = end_acceleration(self._scratch)
+        if not self._moved:
+            pos, vel = self._pos.copy(), self._vel.copy()
+            settle(self._terms, self._rig, pos, vel, np.zeros(2), found, self._scratch)
+        result: list[float] = found[: len(self.names)].tolist()
+        return result
 
 
 def driven_steps(plant: PlantParameters, period: float, highest: float) -> int:

@@ -21,6 +21,7 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import (
+    acceleration,
     end_deflections,
     energy,
     make_work,
@@ -101,9 +102,11 @@ class FullPlant:
         self.qd: FloatArray = np.zeros(size)
         self._work = make_work(config.plant.modes)
         self._ends = (0.0, 0.0, 0.0, 0.0)
+        self._torque = (0.0, 0.0)
 
     def step(self, tau1: float, tau2: float) -> None:
         """Advance by one tick with the joint torques, N m, held."""
+        self._torque = tau1, tau2
         self._ends = step(
             self.constants, self.q, self.qd, tau1, tau2, self._step, self.substeps, self.order,
             self._work,
@@ -117,7 +120,15 @@ class FullPlant:
         """Overwrite the state, shapes ``(2 + 2 modes,)``."""
         self.q[:] = q
         self.qd[:] = qd
+        self._torque = (0.0, 0.0)
         self._ends = end_deflections(self.constants, self.q, self.qd)
+
+    def acceleration(self) -> list[float]:
+        """Return q'': see `flexarm_ros.core.arm.plant.Plant`."""
+        out = np.zeros(len(self.names))
+        acceleration(self.constants, self.q, self.qd, *self._torque, self._work, out)
+        found: list[float] = out.tolist()
+        return found
 
     def record(self) -> FullRecord:
         """Return the plant for compiled code, which advances it in place."""
