@@ -30,7 +30,10 @@ import time
 from bench.table import machine, Part, summary
 from flexarm_ros.scenario.table import put_between
 
-PARTS = ('distributed', 'loop', 'models', 'sweeps', 'recording', 'growth', 'realtime')
+PARTS = (
+    'distributed', 'helics', 'realtime', 'loop', 'parts', 'models', 'sweeps', 'recording',
+    'growth',
+)  # fmt: skip
 PAGE = Path('docs/performance.md')
 
 

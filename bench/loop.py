@@ -39,6 +39,8 @@ from flexarm_ros.core.run.loop_blocks import BLOCK_TICKS, loop_blocks
 TICKS = 8192
 ROUNDS = 5
 MODES = (1, 2, 3, 4, 5, 6)
+START_S = 0.6
+"""Goal of the start-up, s."""
 
 _START = """
 import time
@@ -127,8 +129,8 @@ def measure() -> Part:
             ticks / blocks, None, True, 'in turns, processor time; the same bytes',
         ),
         Ratio(
-            'start-up, import to first tick, warm caches / 1.5 s', f'{start_wall:.2f} s', '1.5 s',
-            start_wall / 1.5, 1.0, False,
+            f'start-up, import to first tick, warm caches / {START_S:g} s', f'{start_wall:.2f} s',
+            f'{START_S:g} s', start_wall / START_S, 1.0, False,
             f'best of {ROUNDS}; {start_cpu:.2f} s of processor time',
         ),
     ]  # fmt: skip

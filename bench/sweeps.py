@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sweeps: runs a second with one worker and with two."""
+"""Sweeps: 1000 runs with one worker and with two, and the grid of the stability map."""
 
 from __future__ import annotations
 
@@ -24,37 +24,51 @@ import time
 
 from bench.table import markdown, Part, Ratio
 
-RUNS, SECONDS = 48, 16.0
+RUNS, SECONDS, GOAL_S = 1000, 16.0, 20.0
 _SWEEP = f"""
 scenario: fls_tip
 set: {{duration: {SECONDS}}}
 draw: {{count: {RUNS}, seed: 1, parameters: {{plant.flexural_rigidity: {{factor: [0.9, 1.1]}}}}}}
 """
+MAP = 'stability_map'
+"""The shipped sweep of docs/stability.md: location x latency of the sensor."""
 
 
 def measure() -> Part:
-    """Fly the same sweep with 1 and with 2 worker processes, and see that the tables agree."""
-    rows, walls, tables = [], {}, {}
+    """Run a sweep with 1 and with 2 workers, whose tables must agree, then the map."""
     with tempfile.TemporaryDirectory(prefix='flexarm-bench-') as folder:
-        file = Path(folder) / 'sweep.yaml'
+        there = Path(folder)
+        file = there / 'sweep.yaml'
         file.write_text(_SWEEP, encoding='utf-8')
-        for workers in (1, 2):
-            out = Path(folder) / f'with{workers}'
-            command = [sys.executable, '-m', 'flexarm_ros.cli', 'sweep', str(file), '--workers',
-                       str(workers), '--out', str(out), '--no-pictures']  # fmt: skip
-            start = time.perf_counter()
-            subprocess.run(command, check=True, capture_output=True, timeout=600)
-            walls[workers] = time.perf_counter() - start
-            tables[workers] = (out / 'table.csv').read_bytes()
-            thousand = walls[workers] / RUNS * 1000 / 60
-            rows.append((f'{workers}', f'{walls[workers]:.1f}', f'{RUNS / walls[workers]:.2f}',
-                         f'{thousand:.1f}'))  # fmt: skip
-    if tables[1] != tables[2]:
-        raise ArithmeticError('the tables of 1 and of 2 workers differ')
-    ratio = Ratio(
-        f'sweep of {RUNS} runs of {SECONDS:g} s, 1 worker / 2 workers', f'{walls[2]:.1f} s',
-        f'{walls[1]:.1f} s', walls[1] / walls[2], None, True,
-        'one each, start-up of the workers included, tables equal byte for byte',
-    )  # fmt: skip
-    head = ('workers', 'wall time, s', 'runs a second', '1000 runs, minutes')
-    return Part('sweeps', [ratio], [markdown(head, rows)])
+        walls = {workers: sweep(file, workers, there / f'with{workers}') for workers in (1, 2)}
+        tables = {(there / f'with{workers}' / 'table.csv').read_bytes() for workers in walls}
+        if len(tables) > 1:
+            raise ArithmeticError('the tables of 1 and of 2 workers differ')
+        mapped = sweep(MAP, 2, there / 'map')
+        grid = len((there / 'map' / 'table.csv').read_text(encoding='utf-8').splitlines()) - 1
+    how = 'one run, start-up of the workers included'
+    ratios = [
+        Ratio(
+            f'sweep of {RUNS} runs of {SECONDS:g} s with 2 workers / {GOAL_S:g} s',
+            f'{walls[2]:.1f} s', f'{GOAL_S:g} s', walls[2] / GOAL_S, 1.0, False, how,
+        ),
+        Ratio(
+            'the same sweep, 1 worker / 2 workers', f'{walls[2]:.1f} s', f'{walls[1]:.1f} s',
+            walls[1] / walls[2], None, True, 'one run each, tables equal byte for byte',
+        ),
+    ]  # fmt: skip
+    rows = [
+        (f'{RUNS} runs of {SECONDS:g} s, {workers} worker{"s" if workers > 1 else ""}',
+         f'{wall:.1f}', f'{RUNS / wall:.1f}') for workers, wall in walls.items()
+    ]  # fmt: skip
+    rows.append((f'`{MAP}`, {grid} runs, 2 workers', f'{mapped:.1f}', f'{grid / mapped:.1f}'))
+    return Part('sweeps', ratios, [markdown(('sweep', 'wall time, s', 'runs a second'), rows)])
+
+
+def sweep(name: Path | str, workers: int, out: Path) -> float:
+    """Run ``flexarm sweep`` without pictures; return its wall time, s."""
+    command = [sys.executable, '-m', 'flexarm_ros.cli', 'sweep', str(name), '--workers',
+               str(workers), '--out', str(out), '--no-pictures']  # fmt: skip
+    start = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True, timeout=900)
+    return time.perf_counter() - start

@@ -26,7 +26,7 @@ import sys
 
 _PACKAGES = (
     'flexarm_ros', 'numpy', 'numba', 'scipy', 'scikit-fuzzy', 'mcap', 'rclpy', 'ros-fastdds',
-    'exudyn', 'distributed',
+    'exudyn', 'distributed', 'helics',
 )  # fmt: skip
 
 

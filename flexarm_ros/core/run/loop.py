@@ -102,6 +102,7 @@ class ClosedLoop:
         controller = self.answers.parts[ControllerPart.NAME]
         assert isinstance(controller, ControllerPart)
         self._controller, self.law = controller, controller.law
+        self._fault = controller.fault
         self._tick = self.answers.tick
         self._ticks = self.timeline.ticks
         self._agenda = Agenda(config.changes)
@@ -128,7 +129,9 @@ class ClosedLoop:
             if self._wrench is not None:
                 plant.disturb(k - 1, *self._last[self._wrench])
             plant.step(*(self.torque if self._applied is None else self._last[self._applied]))
-        if self._is_unstable():
+        trouble = instability(plant)
+        if trouble is not None:
+            self._end_unstable(trouble)
             return None
         if k >= self._agenda.next:
             self._retune(k)
@@ -138,7 +141,8 @@ class ClosedLoop:
         messages = self._tick(k, state)
         self.torque = messages[_COMMAND]
         self._end_tick(k)
-        return TickRecord(k, state, messages, self.law.gain)
+        # A call of the class takes twice as long.
+        return tuple.__new__(TickRecord, (k, state, messages, self.law.gain))
 
     def begin_block(self, most: int) -> int:
         """Take the changes due now; return how many ticks, at most ``most``, have no other."""
@@ -157,19 +161,18 @@ class ClosedLoop:
         if done:
             self._end_tick(self.k + done - 1)
         if done < count and self.unstable is None:
-            self._is_unstable()
+            trouble = instability(self.plant)
+            if trouble is not None:
+                self._end_unstable(trouble)
 
-    def _is_unstable(self) -> bool:
-        """Note whether the plant's state is unstable."""
-        self.unstable = instability(self.plant)
-        if self.unstable is not None:
-            self.unstable_tick = self.k
-        return self.unstable is not None
+    def _end_unstable(self, trouble: str) -> None:
+        """End the run with the present state, which is not part of it."""
+        self.unstable, self.unstable_tick = trouble, self.k
 
     def _end_tick(self, k: int) -> None:
         """Go on to the next tick, and note a torque that ends the run."""
         self.k = k + 1
-        fault = self._controller.fault(k, self.torque)
+        fault = self._fault(k, self.torque)
         if fault is not None:
             self.unstable = f'{self._controller.title}: {fault}'
             self.unstable_tick = self.k
