@@ -107,7 +107,7 @@ REQUIREMENTS = [
 DOCS = ['furo', 'latex2mathml', 'myst-parser', 'sphinx']
 # What `import flexarm_ros` can hand its results to.
 GYMNASIUM = 'gymnasium>=1.0'
-NOTEBOOK = ['control', GYMNASIUM, 'pandas', 'xarray']
+NOTEBOOK = ['control', GYMNASIUM, 'ipykernel', 'nbclient', 'pandas', 'xarray']
 
 # The live view: the WebSocket server that Foxglove and Lichtblick connect to.
 VIEW = ['foxglove-sdk']

@@ -26,6 +26,8 @@ sys.path.insert(0, str(HERE))
 from flexarm_ros.cli.version import package_version  # noqa: E402
 from site_commands import Commands  # noqa: E402
 from site_math import visit_block, visit_inline  # noqa: E402
+from site_notebook import Notebook  # noqa: E402
+from sphinx.util.inspect import TypeAliasForwardRef  # noqa: E402
 
 project = 'flexarm_ros'
 author = 'The flexarm_ros maintainers'
@@ -50,6 +52,8 @@ html_math_renderer = 'mathml'
 
 autodoc_typehints = 'description'
 autodoc_type_aliases = {'ArrayLike': 'ArrayLike', 'Scenario': 'Scenario', 'Section': 'Mapping'}
+# In a union Sphinx shows the alias by its repr, with the name of its own class.
+TypeAliasForwardRef.__repr__ = lambda alias: alias.name
 autodoc_member_order = 'bysource'
 autodoc_preserve_defaults = True
 napoleon_google_docstring = False
@@ -62,7 +66,8 @@ def escape_bars(app: Any, what: str, name: str, obj: Any, options: Any, lines: l
 
 
 def setup(app: Any) -> None:
-    """Add the list of commands, and formulas as MathML: no script, no font from elsewhere."""
+    """Add the list of commands, notebooks, and formulas as MathML, without scripts or fonts."""
     app.connect('autodoc-process-docstring', escape_bars)
     app.add_directive('commands', Commands)
+    app.add_directive('notebook', Notebook)
     app.add_html_math_renderer('mathml', (visit_inline, None), (visit_block, None))

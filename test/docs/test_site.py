@@ -61,7 +61,7 @@ def test_pages_load_nothing_from_elsewhere(site: Path) -> None:
     assert len(pages) > 15
     for page in pages:
         for address in RESOURCE.findall(page.read_text('utf-8')):
-            assert '//' not in address.removeprefix('data:'), (page, address)
+            assert address.startswith('data:') or '//' not in address, (page, address[:80])
     for style in site.rglob('*.css'):
         for first, second in STYLED.findall(style.read_text('utf-8')):
             address = first or second
@@ -77,6 +77,7 @@ def test_formulas_are_mathml(site: Path) -> None:
 
 def test_the_reference_has_every_name_and_every_command(site: Path) -> None:
     names = (site / 'reference' / 'api.html').read_text('utf-8')
+    assert 'TypeAliasForwardRef' not in names
     for name in flexarm_ros.__all__:
         assert f'id="flexarm_ros.{name}"' in names, name
     commands = (site / 'reference' / 'commands.html').read_text('utf-8')
@@ -88,7 +89,16 @@ def test_the_reference_has_every_name_and_every_command(site: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    'name', ['index', 'tutorial', 'model', 'protocol', 'howto/notebook', 'reference/api']
+    'name',
+    [
+        'index',
+        'tutorial',
+        'model',
+        'protocol',
+        'howto/notebook',
+        'howto/notebook_tour',
+        'reference/api',
+    ],
 )
 def test_a_page_opens_offline_and_on_a_phone(browser: Browser, site: Path, name: str) -> None:
     page = (site / f'{name}.html').resolve().as_uri()
