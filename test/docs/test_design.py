@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass
 import re
 from typing import Any, ClassVar
@@ -29,8 +30,9 @@ from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.state import State
 from flexarm_ros.core.sensing.sensor import Sensor
 from flexarm_ros.core.signals import Joints, Signal
+from flexarm_ros.scenario import load
 from flexarm_ros.wire.topics import per_tick_topics
-from layertools import API, LAYERS
+from layertools import API, LAYERS, modules
 import pytest
 from repository import ROOT
 
@@ -62,6 +64,40 @@ def test_the_table_of_parts_is_the_list_of_parts() -> None:
         assert publishes == [signal.name for signal in part.signals(RunConfig())]
         expected = 'every topic' if part.FOR_THE_RECORD else list(part.reads(RunConfig()))
         assert (reads if part.FOR_THE_RECORD else names(reads)) == expected
+
+
+def test_reads_that_depend_on_the_scenario() -> None:
+    config = load('lab_arm', ['disturbance.force_x=[0.0, 0.0]', 'disturbance.force_y=[0.0, 0.0]',
+                              'disturbance.force_times=[0.0, 1.0]'])  # fmt: skip
+    torque, wrench = parts.PlantPart.reads(config)
+    assert (torque, wrench) == ('actuator/torque', 'disturbance/wrench')
+    assert 'actuator' in parts.replaceable(config)
+    gauges = load('fls_tip', ['strain_gauge.gain=[1.0, 1.0]', 'strain_gauge.output=deflection',
+                              'controller.deflection_source=strain_gauge'])  # fmt: skip
+    assert 'strain_gauge/strain' in parts.ControllerPart.reads(gauges)
+    assert len(re.findall('`(actuator/torque|disturbance/wrench|strain_gauge/strain)`', PAGE)) >= 6
+
+
+def defined() -> set[str]:
+    """Return ``Class`` and ``Class.method`` of every class of the package."""
+    classes = [
+        node
+        for path in modules()
+        for node in ast.walk(ast.parse(path.read_text('utf-8')))
+        if isinstance(node, ast.ClassDef)
+    ]
+    return {node.name for node in classes} | {
+        f'{node.name}.{part.name}'
+        for node in classes
+        for part in node.body
+        if isinstance(part, ast.FunctionDef)
+    }
+
+
+def test_the_classes_that_are_named_exist() -> None:
+    told = set(re.findall(r'`([A-Z][a-z]\w+(?:\.\w+)?)`', PAGE)) - {'Parameters'}
+    assert len(told) > 12
+    assert told - defined() == set()
 
 
 @pytest.mark.parametrize('name', sorted(set(re.findall(r'`([\w/]+(?:\.py|/))`', PAGE))))
@@ -96,9 +132,9 @@ class Gauge(Sensor):
 def test_a_sensor_is_one_class_with_its_section(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is in the loop, among the topics, and computed anew from what is recorded."""
     monkeypatch.setattr(parts, 'PARTS', (*parts.PARTS[:-1], Gauge, parts.PARTS[-1]))
-    monkeypatch.setitem(SECTIONS, 'gauge', Keys)
+    monkeypatch.setitem(SECTIONS, 'gauge', Gauge.Parameters)
     assert 'gauge' not in parts.roles(RunConfig())
-    config = with_section(RunConfig(), 'gauge', Keys(gain=3.0))
+    config = with_section(RunConfig(), 'gauge', Gauge.Parameters(gain=3.0))
     topics = per_tick_topics(config)
     place = [topic.name for topic in topics].index('gauge/deflection')
     assert topics[place].node == 'gauge'
