@@ -43,7 +43,7 @@ def flexarm(*words: str | Path) -> None:
 
 def photograph(page: Path, picture: Path, work: Path) -> None:
     """Take a picture of a report's arm in motion."""
-    sys.path.insert(0, str(ROOT / 'test' / 'support'))
+    sys.path.insert(0, str(ROOT / 'test' / 'support' / 'bags'))
     from report_browser import Browser, find_chromium
 
     program = find_chromium()

@@ -107,6 +107,18 @@ def opened(browser: Browser, address: str, width: int = 1440, mobile: bool = Fal
     browser.until("document.readyState === 'complete'")
 
 
+def test_the_share_of_lost_measurements_is_that_of_the_scenario(tmp_path: Path) -> None:
+    overrides = ['duration=3.0', 'tip_sensor.dropout=0.25', 'controller.ks=5.0']
+    simulate(scenario.load('fls_tip', overrides), tmp_path / 'run', 'fls_tip')
+    shares = [frame['held'] for frame in recording(tmp_path / 'run')['frames']]
+    assert sum(shares) / len(shares) == pytest.approx(0.25, abs=0.03)
+
+
+def test_a_recording_without_losses_has_none(recorded: Path) -> None:
+    shares = [frame['held'] for frame in recording(recorded)['frames']]
+    assert all(share == 0.0 for share in shares[5:])
+
+
 def test_the_server_answers_this_machine_only(server: PageServer) -> None:
     assert answer(server)[0] == 200
     assert answer(server, Host='localhost:80')[0] == 200
@@ -161,7 +173,7 @@ def test_the_page_moves_with_the_frames(
         server.feed.put('frame', frame(0.1 * k))
         browser.until(f"document.getElementById('time').textContent === '{0.1 * k:.3f} s'")
     browser.until("document.getElementById('state').textContent === 'running'")
-    browser.until("document.querySelectorAll('.uplot').length === 5")
+    browser.until("document.querySelectorAll('.uplot').length === 6")
     pixels = (
         "[...document.getElementById('arm').getContext('2d').getImageData("
         'document.getElementById("arm").width / 2 - 10, 0, 200, 300).data].some((v) => v > 0)'

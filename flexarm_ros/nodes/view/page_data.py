@@ -29,6 +29,7 @@ from flexarm_ros.core.parameters.sections import (
 )
 from flexarm_ros.core.parameters.spec import Spec
 from flexarm_ros.nodes.view.scene import Frame, Point, Scene
+from flexarm_ros.wire.topics import TIP
 
 FRAMES = 1500
 """Most frames of a recorded run on the page."""
@@ -74,11 +75,12 @@ def slider_range(spec: Spec, value: float) -> list[float]:
     return [low, top if spec.high is None else min(spec.high, top)]
 
 
-def sent(frame: Frame, age_s: float | None, state: str = '') -> dict[str, Any]:
+def sent(frame: Frame, scene: Scene, state: str = '') -> dict[str, Any]:
     """
     Return the event ``frame``: s since the start, m, rad, N m.
 
-    ``age_s``: age of the tip sensor's newest measurement.
+    ``age``: s, of the tip sensor's newest measurement.  ``held``: share of the ticks since the
+    last frame that brought no new one.
     """
     return {
         't': round(frame.stamp_ns * 1e-9 - 1.0, 6),
@@ -86,7 +88,8 @@ def sent(frame: Frame, age_s: float | None, state: str = '') -> dict[str, Any]:
         'elbow': frame.elbow,
         'sensed': _point(frame.sensed),
         'reference': _point(frame.reference),
-        'age': age_s,
+        'age': scene.age_s,
+        'held': scene.held_share(),
         'state': state,
         **frame.numbers(),
     }
@@ -110,12 +113,14 @@ def recording(run: str | os.PathLike[str], given: RunConfig | None = None) -> Ma
     every = max(1, -(-reader.timeline.ticks // FRAMES))
     for tick, messages in reader.ticks():
         if tick % every:
+            if (data := messages[TIP]) is not None:
+                scene.take(TIP, data)
             continue
         for topic in scene.topics:
             if (data := messages[topic]) is not None:
                 scene.take(topic, data)
         if (frame := scene.frame()) is not None:
-            frames.append(sent(frame, scene.age_s))
+            frames.append(sent(frame, scene))
     if not frames:
         raise reader.nothing()
     return {'hello': described(config, live=False), 'frames': frames}

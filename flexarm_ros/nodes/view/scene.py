@@ -106,6 +106,7 @@ class Scene:
         self._latest: dict[int, tuple[float, ...]] = {}
         self._stamp_ns = 0
         self._sensed_ns: int | None = None
+        self._samples, self._held = 0, 0
         self.trail: deque[Point] = deque(maxlen=trail)
         self.path: deque[Point] = deque(maxlen=trail)
 
@@ -122,6 +123,8 @@ class Scene:
                 self.config = self._initial
             self._stamp_ns = stamp
         if topic == TIP:
+            self._samples += 1
+            self._held += stamp == self._sensed_ns
             self._sensed_ns = stamp
         self._latest[topic] = values
 
@@ -129,6 +132,17 @@ class Scene:
     def age_s(self) -> float | None:
         """Return the age of the tip sensor's newest measurement, s; None before the first."""
         return None if self._sensed_ns is None else (self._stamp_ns - self._sensed_ns) * 1e-9
+
+    def held_share(self) -> float | None:
+        """
+        Return the share of ticks without a new tip measurement, 0 to 1, and start to count anew.
+
+        Those are ticks at which the sample was lost, late or not due.  None without a message
+        since the last call.
+        """
+        samples, held = self._samples, self._held
+        self._samples = self._held = 0
+        return held / samples if samples else None
 
     def change(self, data: bytes) -> None:
         """Process a parameter change during the run: lambda depends on kn."""

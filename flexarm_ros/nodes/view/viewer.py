@@ -47,12 +47,15 @@ from flexarm_ros.nodes.view.page_data import described, sent
 from flexarm_ros.nodes.view.ros import RosView
 from flexarm_ros.nodes.view.scene import Scene
 from flexarm_ros.wire import parameter_event as changes
+from flexarm_ros.wire.topics import TIP
 from rcl_interfaces.msg import ParameterEvent
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Of the tip's measurements all that arrive between two frames: the lost ones are counted.
+_ALL = QoSProfile(depth=500, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = QoSProfile(
     depth=100,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -117,7 +120,8 @@ class ViewerNode(Node):
         for index, topic in self.scene.topics.items():
             if index not in self._readers:
                 self._readers[index] = self.create_subscription(
-                    message_class(topic.type_name), topic.name, lambda _: None, _NEWEST,
+                    message_class(topic.type_name), topic.name, lambda _: None,
+                    _ALL if index == TIP else _NEWEST,
                     callback_group=HOT, raw=True, qos_overriding_options=NO_OVERRIDES,
                 )  # fmt: skip
 
@@ -142,7 +146,7 @@ class ViewerNode(Node):
         if self.foxglove is not None:
             self.foxglove.show(frame, self.scene)
         if self.page is not None:
-            self.page.feed.put('frame', sent(frame, self.scene.age_s, self._phase()))
+            self.page.feed.put('frame', sent(frame, self.scene, self._phase()))
         return True
 
     def _phase(self) -> str:

@@ -9,6 +9,7 @@ const PLOTS = [
   { title: "torque, N m", series: [["joint 1", "tau1", "--green"], ["joint 2", "tau2", "--purple"]] },
   { title: "fuzzy gain lambda", series: [["lambda", "lambda", "--law"]] },
   { title: "age of the newest tip measurement, ms", series: [["age", "age_ms", "--amber"]] },
+  { title: "ticks without a new tip measurement (lost, late or not due), %", series: [["held", "held_percent", "--amber"]] },
 ];
 const view = { hello: null, frames: [], frame: null, recorded: null, at: 0, playing: true, seenAt: 0, plots: [], stale: true };
 
@@ -92,10 +93,13 @@ function medianAge(frame) {
   return 1000 * ages.concat(frame.age).sort((a, b) => a - b)[ages.length >> 1];
 }
 
+const percent = (share) => (share == null ? null : 100 * share);
+
 function take(frame) {
   const last = view.frames[view.frames.length - 1];
   if (last && frame.t < last.t) view.frames.length = 0; // the run began anew
   frame.age_ms = medianAge(frame);
+  frame.held_percent = percent(frame.held);
   if (!last || frame.t !== last.t) view.frames.push(frame);
   if (view.frames.length > WINDOW) view.frames.splice(0, view.frames.length - WINDOW);
   view.frame = frame;
@@ -141,7 +145,7 @@ function playRecorded(now) {
 
 async function startRecorded() {
   const recorded = await (await fetch("recording.json")).json();
-  for (const f of recorded.frames) f.age_ms = f.age === null ? null : 1000 * f.age;
+  for (const f of recorded.frames) { f.age_ms = f.age === null ? null : 1000 * f.age; f.held_percent = percent(f.held); }
   view.recorded = recorded.frames;
   document.body.classList.add("recorded");
   byId("scrub").hidden = false;
