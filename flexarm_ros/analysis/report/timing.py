@@ -123,7 +123,9 @@ def histogram(what: str, seconds: FloatArray) -> str:
         f'role="img" aria-label="{escape(said)}" fill="currentColor" font-size="11">'
         f'{bars}{marks}{_text(_LEFT - 6, 16, str(int(counts.max())), "end")}'
         f'{_text(_LEFT - 6, 8 + plot, "0", "end")}'
-        f'{_text(_LEFT + (_WIDTH - _LEFT) / 2, _HEIGHT - 3, "ms")}</svg>'
+        f'{_text(_LEFT + (_WIDTH - _LEFT) / 2, _HEIGHT - 3, "ms")}'
+        f'<text transform="translate(12 {8 + plot / 2:.0f}) rotate(-90)" '
+        'text-anchor="middle">ticks</text></svg>'
         f'<p class="note">{escape(said)}.</p>'
     )
 
