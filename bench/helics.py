@@ -34,6 +34,10 @@ import time
 
 from bench.launch import nodes
 from bench.table import markdown, Part, Ratio
+from flexarm_ros import scenario
+from flexarm_ros.core.run.parts import roles
+from flexarm_ros.nodes.runtime.topics.graph import readers
+from flexarm_ros.wire.topics import per_tick_topics
 
 TICKS = 2000
 ROUNDS = 3
@@ -41,13 +45,11 @@ GOAL = 2.5
 LIMIT_S = 120.0
 PERIOD = 0.001
 
+CONFIG = scenario.load('fls_tip')
+TOPICS = per_tick_topics(CONFIG)
 INPUTS = {
-    'plant': ('controller',),
-    'encoder': ('plant',),
-    'tip_sensor': ('plant',),
-    'trajectory': (),
-    'controller': ('plant', 'encoder', 'tip_sensor', 'trajectory'),
-    'recorder': ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller'),
+    role: tuple(dict.fromkeys(t.node for t in TOPICS if role in readers(t.name, CONFIG)))
+    for role in roles(CONFIG)
 }
 """Federate -> those whose values it reads at each tick."""
 
