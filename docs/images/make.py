@@ -66,7 +66,7 @@ def photograph(page: Path, picture: Path, work: Path) -> None:
 
 
 def main() -> None:
-    """Fly the paper's cases at the tip and draw them."""
+    """Fly the paper's cases at the tip and the sweep of a how-to; draw them."""
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
         for case in CASES:
@@ -74,6 +74,9 @@ def main() -> None:
         flexarm('report', *(work / case for case in CASES), '--out', work / 'report')
         for picture in ('paths.png', 'corners.png'):
             shutil.copy(work / 'report' / picture, HERE / picture)
+        flexarm('sweep', 'latency_jitter', '--out', work / 'map')
+        drawn = work / 'map' / 'pictures' / 'stable_pd_tip.png'
+        shutil.copy(drawn, HERE / 'latency_jitter.png')
         pair = (work / 'pd_tip', work / 'fls_tip')
         flexarm('report', '--no-pictures', *pair, '--out', work / 'pair')
         photograph(work / 'pair' / 'report.html', HERE / 'report.png', work)

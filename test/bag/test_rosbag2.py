@@ -142,11 +142,20 @@ def test_ten_files_are_in_order_of_their_numbers(tmp_path: Path) -> None:
     assert read(path) == expected()
 
 
+GENTLE = ('controller.kp=20', 'controller.kd=2', 'controller.ks=2')
+
+
 @pytest.mark.parametrize(
     'overrides',
     [
         ('tip_sensor.rate=100', 'tip_sensor.latency=0.0043', 'controller.feedback=encoder'),
         ('tip_sensor.latency=0', 'encoder.latency=0.02'),
+        (
+            'tip_sensor.jitter=0.004',
+            'tip_sensor.dropout=0.2',
+            'encoder.rate=250',
+            'controller.kp=9',
+        ),
         ('tip_sensor.more_locations=[5.0, 7.0]', 'plant.modes=2'),
         ('control_period=0.002', 'controller.law=pd'),
     ],

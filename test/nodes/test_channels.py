@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 import re
+import sys
 
 from bagtools import write_changed
 from flexarm_ros import scenario
@@ -238,3 +239,49 @@ def test_a_path_in_a_bag_is_not_opened() -> None:
     text = 'encoder:\n  ros__parameters: {latency_file: late.csv}\n'
     with pytest.raises(scenario.ScenarioError, match='its contents were not supplied'):
         scenario.from_text(text)
+
+
+LOSSY = """
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+class Lossy(Node):
+    def __init__(self):
+        super().__init__('lossy')
+        self.count, self.last = 0, None
+        self.out = self.create_publisher(JointState, 'joint_states', 1000)
+        self.create_subscription(JointState, 'plant/state', self.answer, 1000)
+
+    def answer(self, state):
+        if self.count % 4 != 3:
+            self.last = JointState(header=state.header, name=['shoulder', 'elbow'])
+            self.last.position, self.last.velocity = state.position[:2], state.velocity[:2]
+        self.count += 1
+        self.out.publish(self.last)
+
+rclpy.init()
+try:
+    rclpy.spin(Lossy())
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
+"""An encoder that loses every fourth sample and sends the one before once more."""
+
+
+@pytest.mark.nodes
+def test_an_external_sensor_repeats_what_it_has_if_loss_is_declared(
+    tmp_path: Path, ros_domain: int
+) -> None:
+    (tmp_path / 'lossy.py').write_text(LOSSY)
+    node = f'encoder={sys.executable} {tmp_path / "lossy.py"}'
+    words = ('pd_tip', '--node', node, '--set', 'duration=0.1', '--no-pictures', '--out')
+    refused = flexarm_here('run', *words, tmp_path / 'undeclared')
+    assert refused.returncode == 1
+    assert 'again at tick 3, or older than the one before' in refused.stderr
+    done = flexarm_here('run', *words, tmp_path / 'run', '--set', 'encoder.dropout=0.25')
+    assert done.returncode == 0, done.stderr
+    ages = T0_NS + 1_000_000 * np.arange(100) - stamps(tmp_path / 'run', JOINT_STATES)
+    assert ages.tolist() == [0, 0, 0, 1_000_000] * 25
+    assert verify(tmp_path / 'run').same

@@ -212,7 +212,8 @@ def test_the_digest_changes_with_whatever_decides_the_results() -> None:
         (grid('plant.modes: [1]')[:-1] + ', map: {x: controller.kp}}', ['map.x', 'controller.kp']),
         (grid('plant.modes: [1]')[:-1] + ', map: {x: plant.modes, value: rmse}}',
          ['map.value', "'rmse'"]),
-        (grid('plant.modes: [1]')[:-1] + ', map: {x: plant.modes, value: stable}}', ["'stable'"]),
+        (grid('plant.modes: [1]')[:-1] + ', map: {x: plant.modes, value: complete}}',
+         ["'complete'"]),
     ],
 )  # fmt: skip
 def test_an_error_names_where_it_is(text: str, words: list[str]) -> None:

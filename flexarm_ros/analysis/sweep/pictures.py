@@ -151,7 +151,8 @@ def _map_figure(sweep: Sweep, cells: _Cells, linear: Linear | None) -> Figure:
         figure.colorbar(mesh, ax=axis, label=_metric_label(plan.value))
     _survived(axis, cells)
     axis.set(xlabel=_label(plan.x), ylabel=_label(plan.y), title=cells.title)
-    axis.plot([], [], 's', color='#d9d9d9', label='simulated: unstable within the run')
+    if plan.value != SUCCESS:
+        axis.plot([], [], 's', color='#d9d9d9', label='simulated: unstable within the run')
     axis.plot([], [], color=ORANGE, label='simulated: half of the runs complete')
     note = _linear(axis, cells, linear) if linear is not None else ''
     figure.legend(loc='outside lower center', ncols=2, frameon=False, title=note or None)

@@ -19,7 +19,8 @@ There the log time is that of receipt, topics may be in a namespace, messages ma
 and there is no scenario.  The stamp gives the tick of clock, state, reference and command:
 t0 + k T.  A sensor's stamp lags by its latency; its tick follows from
 
-1. the latency in the scenario, if each message then has a distinct tick;
+1. the latency in the scenario, if each message then has a distinct tick (not with jitter or
+   loss, where only 2 applies);
 2. the sequence number, if the topic has one message for each tick of the bag;
 3. a constant lag, if first and last message have the same against the bag's first and last tick.
 
@@ -41,17 +42,16 @@ from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.mcap.scan import Damage
 from flexarm_ros.bag.mcap.storage import BagFile, Front
 from flexarm_ros.core.parameters.changes import Change
+from flexarm_ros.core.parameters.channel import ChannelParameters
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.sensing.sensors import ticks_per_sample
 from flexarm_ros.core.signals import LINKS
-from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, Timeline
+from flexarm_ros.core.timeline import named_ns, NS_PER_S, T0_NS, ticks_between, Timeline
 from flexarm_ros.wire import generic_decode
 from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.cdr import IntArray
 from flexarm_ros.wire.topics import (
     CLOCK,
     COMMAND,
-    JOINT_STATES,
     per_tick_topics,
     REFERENCE,
     STATE,
@@ -258,7 +258,7 @@ def _assign(
     span = (min(int(t.min()) for t in known), max(int(t.max()) for t in known)) if known else None
     for topic in range(len(found.topics)):
         if topic not in ticks:
-            lag, hold = _told(config, topic, found.timeline.period_ns)
+            lag, hold = _told(config, found.topics[topic], found.timeline.period_ns)
             told = _sensor_ticks(
                 np.array(stamps[topic], np.int64), found.timeline, lag, hold, span
             )
@@ -288,14 +288,21 @@ def _exact_ticks(path: Path, found: Match, topic: int, stamps: IntArray) -> IntA
     return ticks
 
 
-def _told(config: RunConfig | None, topic: int, period_ns: int) -> tuple[int | None, int]:
-    """Return a sensor's latency (ns) and the ticks for which it holds a sample, if known."""
+def _told(config: RunConfig | None, topic: Topic, period_ns: int) -> tuple[int | None, int]:
+    """
+    Return a topic's lag (ns) and the ticks for which it holds a sample, if known.
+
+    0 ticks: with jitter or loss the stamps do not determine the ticks.
+    """
     if config is None:
         return None, 1
-    if topic == JOINT_STATES:
-        return named_ns('encoder.latency', config.encoder.latency), 1
-    hold = ticks_per_sample(config.tip_sensor.rate, period_ns)
-    return named_ns('tip_sensor.latency', config.tip_sensor.latency), hold
+    channel = config.section(topic.node)
+    if not topic.late or not isinstance(channel, ChannelParameters):
+        return 0, 1
+    if channel.scheduled:
+        return None, 0
+    hold = ticks_between(f'{topic.node}.rate', channel.rate, period_ns)
+    return named_ns(f'{topic.node}.latency', channel.latency), hold
 
 
 def _sensor_ticks(
@@ -313,6 +320,8 @@ def _sensor_ticks(
             ticks = np.empty_like(stamps)
             ticks[np.argsort(stamps, kind='stable')] = np.arange(first, last + 1)
             return ticks
+        if hold == 0:
+            return None
         lag = timeline.stamp_ns(first) - int(stamps.min())
         if by_lag is None and lag == timeline.stamp_ns(last) - int(stamps.max()) >= 0:
             return _lagging(stamps, timeline, lag, 1, span)

@@ -290,6 +290,6 @@ def _read_map(tree: Tree | None, axes: dict[str, tuple[str, ...]]) -> Map | None
     if found['x'] == found['y']:
         raise ScenarioError(f"map.y: '{found['y']}' is map.x already")
     metric, _ = known_metric(found['value'], 'map.value')
-    if metric in ('stable', 'complete', 'problem', 'status', 'wall_s', 'rtf'):
+    if metric in ('complete', 'problem', 'status', 'wall_s', 'rtf'):
         raise ScenarioError(f"map.value: '{metric}' cannot be drawn; take a number of the run")
     return Map(found['x'], found['y'], found['value'])
