@@ -38,7 +38,7 @@ def add_parser(make: Any) -> None:
         'sensors of a scenario. Print for each channel the fit, 100 (1 - |y - yhat| / '
         '|y - mean y|), the variance accounted for, and the rms of the residual. CSV columns '
         'carry their unit: t_s, theta1_deg, strain1_rad, i1_a, tau1_nm, tip_x_m and so on.',
-        epilog='Exit status: 0; 2 for bad data or a bad scenario.',
+        epilog='Exit status: 0; 1 if the prediction diverges; 2 for bad data or a bad scenario.',
     )
     add_data_options(parser)
     parser.add_argument('data', metavar='DATA', help='a CSV file, a run or a bag')
@@ -84,28 +84,36 @@ def positive(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the comparison; return 0."""
+    """Print the comparison; return 0, or 1 if the prediction diverges."""
     from flexarm_ros.identification.prediction.predict import predict, ringing_of
     from flexarm_ros.identification.recording import read
     from flexarm_ros.identification.setting import load_setting
+    import numpy as np
 
     setting = load_setting(args.scenario, args.overrides)
     recording = read(Path(args.data))
     say_notes('predict', recording)
     prediction = predict(recording, setting, args.mode, args.window, args.zero)
+    diverged = [
+        name
+        for name, channel in prediction.channels.items()
+        if not np.isfinite(channel.predicted).all()
+    ]
+    for name in diverged:
+        print(f'flexarm predict: {name}: the prediction diverges', file=sys.stderr)
     measured, predicted = ringing_of(recording, setting, args.zero)
     if args.json:
         ring = {'measured': list(map(asdict, measured)), 'predicted': list(map(asdict, predicted))}
         context = {**_context(prediction), 'ringing': ring}
         print(json.dumps({'channels': finite(prediction.numbers), **finite(context)}))
-        return 0
+        return 1 if diverged else 0
     print_table(prediction.numbers, _title(prediction))
     for one, other in zip(measured, predicted, strict=False):
         print(
             f'rings at {one.frequency:.3f} Hz, damping {one.damping:.4f}; predicted '
             f'{other.frequency:.3f} Hz, {other.damping:.4f}'
         )
-    return 0
+    return 1 if diverged else 0
 
 
 def say_notes(command: str, recording: Recording) -> None:

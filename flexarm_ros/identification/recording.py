@@ -49,6 +49,12 @@ _UNITS: dict[str, dict[str, float]] = {
 """Channel without the joint's or link's number -> unit suffix -> factor to SI."""
 
 LEAST_ROWS = 20
+MOST_VALUE = 1e6
+"""Largest value of a channel, SI units; beyond it the unit is wrong."""
+
+GAP_STEPS = 10.0
+"""Length of a time step, in sample periods, from which it is called a gap."""
+
 MOST_BYTES = 512 * 1024 * 1024
 UNEVEN = 1e-3
 """Largest deviation of a time step from the mean step, as a fraction, without resampling."""
@@ -133,14 +139,16 @@ def read_csv(path: Path) -> Recording:
             raise ScenarioError(f'{name}: larger than {MOST_BYTES} bytes')
         with path.open(newline='', encoding='utf-8-sig') as file:
             header = [text.strip() for text in next(csv.reader([file.readline()]), [])]
-            table = _table(file.read().splitlines(), len(header), name)
+            used = [place for place, column in enumerate(header) if channel_of(column)]
+            table = _table(file.read().splitlines(), len(header), used, name)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or 'not UTF-8 text'
         raise ScenarioError(f'{name}: cannot be read: {reason}') from None
     doubled = [column for column in header if header.count(column) > 1]
     if doubled:
         raise ScenarioError(f'{name}: two columns {clip(doubled[0])}')
-    return _taken(name, dict(zip(header, table.T, strict=True)))
+    columns = {header[place]: table[:, i] for i, place in enumerate(used)}
+    return _taken(name, {column: columns.get(column) for column in header})
 
 
 def read_columns(columns: Mapping[str, Any], name: str = 'data') -> Recording:
@@ -155,14 +163,14 @@ def read_columns(columns: Mapping[str, Any], name: str = 'data') -> Recording:
     return _taken(name, table)
 
 
-def _taken(name: str, table: Mapping[str, FloatArray]) -> Recording:
-    """Return the recording of columns by name."""
+def _taken(name: str, table: Mapping[str, FloatArray | None]) -> Recording:
+    """Return the recording of columns by name; one that is not used may be None."""
     used: dict[str, FloatArray] = {}
     units: dict[str, str] = {}
     notes: list[str] = []
     for column, values in table.items():
         found = channel_of(column)
-        if found is None:
+        if found is None or values is None:
             notes.append(f'column {clip(column)} is not used')
             continue
         channel, factor, unit = found
@@ -173,7 +181,35 @@ def _taken(name: str, table: Mapping[str, FloatArray]) -> Recording:
             units[channel] = unit
     if 't' not in used:
         raise ScenarioError(f'{name}: no column t_s; the columns are {clip(", ".join(table))}')
-    return _even(name, used, units, notes)
+    return _even(name, _complete(name, used, notes), units, notes)
+
+
+def _complete(
+    name: str, used: Mapping[str, FloatArray], notes: list[str]
+) -> dict[str, FloatArray]:
+    """Return the channels without the rows that lack a value, with a note; check their range."""
+    empty = [channel for channel, values in used.items() if not np.isfinite(values).any()]
+    notes.extend(f'{channel}: no row has a value: not used' for channel in empty)
+    used = {channel: values for channel, values in used.items() if channel not in empty}
+    if 't' not in used:
+        raise ScenarioError(f'{name}: t: no row has a value')
+    whole = np.asarray(np.isfinite(np.stack(list(used.values()))).all(axis=0))
+    missing = len(whole) - int(whole.sum())
+    if missing:
+        first = int(np.argmin(whole)) + 2
+        notes.append(f'rows without a value, left out: {missing}, the first is row {first}')
+    if len(whole) - missing < LEAST_ROWS:
+        raise ScenarioError(
+            f'{name}: {len(whole) - missing} complete rows; at least {LEAST_ROWS} are needed'
+        )
+    for channel, values in used.items():
+        largest = float(np.abs(values[whole]).max())
+        if channel != 't' and largest > MOST_VALUE:
+            raise ScenarioError(
+                f'{name}: {channel}: {largest:.4g} in SI units is out of range, at most '
+                f'{MOST_VALUE:g}: is the unit of the column right?'
+            )
+    return {channel: np.ascontiguousarray(values[whole]) for channel, values in used.items()}
 
 
 def channel_of(column: str) -> tuple[str, float, str] | None:
@@ -182,7 +218,9 @@ def channel_of(column: str) -> tuple[str, float, str] | None:
 
     The kind is ``angle``, ``deflection`` or ``strain``.
     """
-    found = re.fullmatch(r'(t|tip_[xy]|[a-z]+?)([12]?)((?:_rate|_reference)?)(?:_(\w+))?', column)
+    found = re.fullmatch(
+        r'(t|tip_[xy]|[a-z]+?)([12]?)((?:_rate|_reference)?)(?:_(\w+))?', column.lower()
+    )
     if found is None:
         return None
     stem, number, more, suffix = found.groups()
@@ -197,33 +235,35 @@ def channel_of(column: str) -> tuple[str, float, str] | None:
 _UNNUMBERED = ('t', 'tip_x', 'tip_y')
 
 
-def _table(lines: list[str], width: int, name: str) -> FloatArray:
+def _table(lines: list[str], width: int, used: list[int], name: str) -> FloatArray:
+    """Return the columns at the places ``used``, (rows, used); NaN for an empty cell."""
     if len(lines) < LEAST_ROWS:
         raise ScenarioError(f'{name}: {len(lines)} rows; at least {LEAST_ROWS} are needed')
+    if not used:
+        return np.zeros((len(lines), 0))
     try:
-        table = np.loadtxt(lines, delimiter=',', ndmin=2)
+        if any(line.count(',') != width - 1 for line in lines):
+            raise ValueError
+        return np.asarray(np.loadtxt(lines, delimiter=',', ndmin=2, usecols=used), dtype=float)
     except ValueError:
-        table = _slow_table(lines, width, name)
-    if table.shape[1] != width:
-        raise ScenarioError(f'{name}: {table.shape[1]} values a row, the header has {width}')
-    bad = np.argwhere(~np.isfinite(table))
-    if len(bad):
-        raise ScenarioError(f'{name}: row {bad[0][0] + 2}: a value is missing or not finite')
-    return np.asarray(table, dtype=float)
+        return _slow_table(lines, width, used, name)
 
 
-def _slow_table(lines: list[str], width: int, name: str) -> FloatArray:
-    """Read row by row, to name the row that cannot be read."""
+def _slow_table(lines: list[str], width: int, used: list[int], name: str) -> FloatArray:
+    """Read cell by cell as `_table` does, to name the row that cannot be read."""
+    table = []
     for row, values in enumerate(csv.reader(lines), start=2):
         if len(values) != width:
             raise ScenarioError(f'{name}: row {row}: {len(values)} values, the header has {width}')
-        for text in values:
-            try:
-                float(text)
-            except ValueError:
-                shown = clip(repr(text))
-                raise ScenarioError(f'{name}: row {row}: {shown} is not a number') from None
-    return np.array([[float(text) for text in values] for values in csv.reader(lines)])
+        table.append([_number(values[place].strip(), row, name) for place in used])
+    return np.array(table, dtype=float)
+
+
+def _number(text: str, row: int, name: str) -> float:
+    try:
+        return float(text) if text else math.nan
+    except ValueError:
+        raise ScenarioError(f'{name}: row {row}: {clip(repr(text))} is not a number') from None
 
 
 def _even(
@@ -245,6 +285,13 @@ def _even(
         even = times[0] + period * np.arange(count)
         used = {key: np.interp(even, times, values) for key, values in used.items()}
         notes.append(f'the times are uneven: resampled linearly every {period:.6g} s')
+        largest = int(np.argmax(steps))
+        if steps[largest] > GAP_STEPS * period:
+            begin = times[largest] - times[0]
+            notes.append(
+                f'a gap of {steps[largest]:.4g} s, {begin:.4g} s after the start, is filled with '
+                'a straight line: cut the recording there if the arm moved'
+            )
     return Recording(name, period, used, dict(units), tuple(notes))
 
 

@@ -145,6 +145,10 @@ def break_time(lines: list[str]) -> list[str]:
         (lambda lines: [lines[0].replace('theta1_deg', 'theta2_rad'), *lines[1:]], 'two columns'),
         (lambda lines: [lines[0].replace('theta1_deg', 'a_deg'), *lines[1:]], 'no channel theta1'),
         (lambda lines: [*lines[:3], lines[3].replace('0.', 'nan,0.', 1), *lines[4:]], 'row 4'),
+        (lambda lines: [*lines[:3], '1e9,' + ','.join(['1e200'] * 4)], 'at least 20'),
+        (lambda lines: [*lines[:-1], '9.0,' + ','.join(['1e200'] * 4)], 'is the unit'),
+        (lambda lines: [lines[0], *(',,,,' for _ in lines[1:])], 't: no row has a value'),
+        (lambda lines: [*lines[:9], *(',,,,' for _ in lines[9:])], '8 complete rows'),
     ],
 )
 def test_bad_data_end_with_one_line(
@@ -157,6 +161,47 @@ def test_bad_data_end_with_one_line(
     errors = [x for x in capsys.readouterr().err.splitlines() if 'is not used' not in x]
     assert len(errors) == 1
     assert told in errors[0]
+
+
+def test_rows_without_a_value_are_left_out(
+    tmp_path: Path, ideal: dict[str, np.ndarray], arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Empty cells and NaN, a channel without a value, text in a column that is not used."""
+    names = list(gauged(ideal))
+    rows = [list(map(repr, map(float, row))) for row in zip(*gauged(ideal).values(), strict=True)]
+    for number, row in enumerate(rows):
+        row[names.index('strain2_rad')] = ''
+        row.append('run' if number % 2 else '')
+    rows[100][names.index('strain1_rad')] = ''
+    rows[200][names.index('theta1_deg')] = 'nan'
+    path = tmp_path / 'x.csv'
+    head = ','.join([*names, 'state']).replace('theta1_deg', 'Theta1_DEG')
+    path.write_text('\n'.join([head, *map(','.join, rows)]))
+    assert cli.main(['predict', str(path), '--scenario', str(arm), '--json']) == 0
+    told = capsys.readouterr()
+    assert 'rows without a value, left out: 2, the first is row 102' in told.err
+    assert 'column state is not used' in told.err
+    assert 'strain2: no row has a value: not used' in told.err
+    channels = json.loads(told.out)['channels']
+    assert set(channels) == {'strain1'}
+    assert channels['strain1']['fit'] > 99.0
+
+
+def test_a_gap_is_told(tmp_path: Path, ideal: dict[str, np.ndarray]) -> None:
+    columns = {key: np.delete(values, slice(1000, 1400)) for key, values in gauged(ideal).items()}
+    recording = read(written(tmp_path / 'x.csv', columns))
+    assert recording.rows == len(ideal['t'])
+    assert any('a gap of 0.802 s, 1.998 s after' in note for note in recording.notes)
+
+
+def test_a_prediction_that_diverges_is_told(
+    tmp_path: Path, ideal: dict[str, np.ndarray], arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    columns = gauged(ideal)
+    columns['theta1_deg'] = 1e6 * columns['theta1_deg']
+    words = ['predict', str(written(tmp_path / 'x.csv', columns)), '--scenario', str(arm)]
+    assert cli.main(words) == 1
+    assert 'strain1: the prediction diverges' in capsys.readouterr().err
 
 
 def test_uneven_times_are_resampled(tmp_path: Path, ideal: dict[str, np.ndarray]) -> None:

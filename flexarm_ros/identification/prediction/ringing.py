@@ -67,7 +67,7 @@ def ringing(
 
     ESPRIT (Roy and Kailath 1989): the poles of all spans and channels together, of least squares
     in the space of the strongest delayed samples; one more pair takes what forced motion is left,
-    a real pole offsets and drifts.
+    a real pole offsets and drifts.  None for channels that are not finite.
     """
     step = max(1, round(1.0 / (SAMPLES * period)))
     rows = max(2 * count + 6, round(PENCIL_S / (step * period)))
@@ -79,7 +79,7 @@ def ringing(
                 windows = np.lib.stride_tricks.sliding_window_view(values - values.mean(), rows)
                 scale = float(np.std(channel)) or 1.0
                 blocks.append(windows.T / scale)
-    if not blocks:
+    if not blocks or not all(np.isfinite(block).all() for block in blocks):
         return []
     basis, _, _ = np.linalg.svd(np.concatenate(blocks, axis=1), full_matrices=False)
     order = 2 * count + 3
