@@ -350,6 +350,38 @@ def test_correlated_residuals_count_less() -> None:
     assert (spread > 3.0 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))).all()
 
 
+def test_noise_at_the_frequency_of_the_parameters_counts() -> None:
+    """
+    The std covers the errors although the fit takes noise out of the residuals.
+
+    Rings at 2 Hz in noise of a 4 Hz low-pass, 6 s: what is left at 2 Hz after the fit is less than
+    the noise was, so that a std from the residual times the sensitivities is too small.
+    """
+    t = np.arange(3000) * 0.002
+
+    def rings(values: np.ndarray) -> np.ndarray:
+        gain, frequency, damping = values
+        omega, since = 2.0 * math.pi * frequency, t % 1.5
+        return np.asarray(gain * np.exp(-damping * omega * since) * np.cos(omega * since))
+
+    values = np.array([1.0, 2.0, 0.05])
+    columns = [(rings(values + step) - rings(values - step)) / 2e-6 for step in 1e-6 * np.eye(3)]
+    jacobian = np.stack(columns, axis=1)
+    inverse = np.linalg.pinv(jacobian)
+    omega = 2.0 * math.pi * 4.0
+    low_pass = bilinear([omega**2], [1.0, 1.4 * omega, omega**2], fs=500.0)
+    random = np.random.default_rng(2)
+    errors, told = [], []
+    for _ in range(200):
+        noise = lfilter(*low_pass, 0.05 * random.standard_normal(len(t)))
+        errors.append(inverse @ noise)
+        residual = noise - jacobian @ errors[-1]
+        told.append(estimate(values, [(jacobian, residual)], np.full(3, np.inf)).std)
+    inside = np.abs(errors) < 2.0 * np.array(told)
+    assert (inside.mean(axis=0) > 0.92).all()
+    assert (np.mean(told, axis=0) < 1.25 * np.std(errors, axis=0)).all()
+
+
 def test_a_stopped_fit_keeps_the_best_and_goes_on(arm: Path, noisy: Path, tmp_path: Path) -> None:
     options: dict[str, Any] = {
         'free': FREE, 'window': 1.0, 'overrides': ['plant.flexural_rigidity=[1.9, 0.2]'],
