@@ -328,13 +328,19 @@ def read_run(path: Path) -> Recording:
         **{f'strain{n}': f'{strain}{n}' for n in (1, 2)},
         **{f'tip_{axis}': f'tip_{axis}' for axis in 'xy'},
     }
+    # A bag of another recorder has no scenario, from which the tip follows.
+    names = {
+        channel: column for channel, column in names.items() if np.isfinite(columns[column]).any()
+    }
+    if not names:
+        raise ScenarioError(f'{path}: no joint states, torques or deflections of an arm')
     whole = np.isfinite(np.stack([columns[column] for column in names.values()])).all(axis=0)
     rows = len(columns['t']) if bool(np.all(whole)) else int(np.argmin(whole))
     if rows < LEAST_ROWS:
         raise ScenarioError(f'{path}: {rows} whole ticks; at least {LEAST_ROWS} are needed')
     used = {'t': columns['t'][:rows]}
     used.update({channel: columns[column][:rows] for channel, column in names.items()})
-    units = {f'strain{number}': kind for number in (1, 2)}
+    units = {channel: kind for channel in names if channel.startswith('strain')}
     return _even(clip(str(path), PATH_WIDTH), used, units, [])
 
 
