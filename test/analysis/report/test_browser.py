@@ -193,14 +193,14 @@ def test_the_arm_ends_where_elbow_and_tip_were_recorded(
     seek(page, 0.7)
     rows = (pages['three'].parent.parent / CASES[0] / 'trajectory.csv').read_text('ascii')
     cells = [float(cell) for cell in rows.splitlines()[701].split(',')]
-    # Where two known points of the picture lie gives its scale: the base, and the rigid tip.
+    # Base and elbow, which are far apart, give the scale of the picture.
     base = page.js(
         "['cx', 'cy'].map((n) => +document.querySelector('#paths .base').getAttribute(n))"
     )
     d = page.js("document.querySelector('#paths .arm').getAttribute('d')")
     points = [tuple(map(float, part.split())) for part in d[1:].split('L')]
     elbow, tip = points[24], points[48]
-    scale = math.dist(tip, base) / math.hypot(cells[9], cells[10])
+    scale = math.dist(elbow, base) / math.hypot(cells[7], cells[8])
     assert points[0] == pytest.approx(base, abs=0.1)
     for point, (x, y) in ((elbow, cells[7:9]), (tip, cells[9:11])):
         assert point == pytest.approx((base[0] + scale * x, base[1] - scale * y), abs=0.6)
