@@ -1,0 +1,227 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A two-link flexible arm in Exudyn that is moved and measured as a rig on a bench is.
+
+Each link is a chain of planar ANCF cable elements; hubs, the second drive and the payload are
+rigid bodies.  Joints have viscous and Coulomb friction, a controller with 500 Hz moves them.
+Nothing of this package takes part but the numbers of the scenario.  Coulomb friction is
+proportional to the rate below `ZONE`, so that Exudyn's Newton iterations converge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import exudyn as exu
+import exudyn.itemInterface as items
+from flexarm_ros.core.arm.plant import material_damping
+from flexarm_ros.core.parameters.sections import PlantParameters
+import numpy as np
+from validation.motion import Array
+
+PERIOD, STEP = 0.002, 5e-4
+ELEMENTS = 8
+AXIAL = 1e6
+"""EA, N; three times as much changes the curvatures by 1e-4 of their standard deviation."""
+
+ZONE = 5e-5
+"""Joint rate below which Coulomb friction is proportional to the rate, rad/s."""
+
+PLACE = 0.5 * (1.0 + 1.0 / math.sqrt(3.0))
+"""Place of the gauge in the first element: its second Gauss point, where curvature is accurate."""
+
+GAINS = ((40.0, 12.0), (8.0, 1.6))
+"""Of the controller: N m/rad and N m s/rad of each joint."""
+
+
+def goal(time: float) -> tuple[float, float]:
+    """Return the reference of both joints, rad: small, as the model bends up to some 1 %."""
+    swing = 0.015 * math.sin(2.0 * math.pi * 0.45 * time)
+    first, second = (
+        0.02 if time % 3.0 < 1.5 else -0.02,
+        0.02 if (time + 0.7) % 2.4 < 1.2 else -0.02,
+    )
+    return first + swing, second - swing
+
+
+def gauge_places(plant: PlantParameters) -> tuple[float, float]:
+    """Return where the gauges sit, m from the root of each link."""
+    first, second = (length / ELEMENTS * PLACE for length in plant.length)
+    return first, second
+
+
+@dataclass(frozen=True)
+class _Body:
+    """A rigid body at a node of a link: numbers of its node and its marker."""
+
+    node: Any
+    marker: Any
+
+
+def fly(plant: PlantParameters, seconds: float) -> dict[str, Array]:
+    """Return ``theta``, ``curvature`` (1/m) and ``torque``, (n, 2) each, every `PERIOD`."""
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    links = [_link(system, plant, link) for link in (0, 1)]
+    bodies = [
+        _body(system, links[0][0], 1e-6, plant.hub_inertia[0]),
+        _body(system, links[0][-1], plant.link_end_mass, plant.link_end_inertia),
+        _body(system, links[1][0], 1e-6, 0.0),
+        _body(system, links[1][-1], plant.payload_mass, plant.payload_inertia),
+    ]
+    hub, end, root, _ = bodies
+    ground = system.AddMarker(
+        items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
+    )
+    for first, second in ((ground, hub.marker), (end.marker, root.marker)):
+        system.AddObject(
+            items.GenericJoint(markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 0])
+        )
+    _rotor(system, end, root, plant.hub_inertia[1])
+    turns = [
+        system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=body.node, coordinate=2))
+        for body in (hub, end, root)
+    ]
+    _friction(system, plant, turns)
+    rows = _control(
+        system,
+        (hub, end, root),
+        turns,
+        lambda: [_curvature(system, plant, links, n) for n in (0, 1)],
+    )
+    system.Assemble()
+    system.SolveDynamic(_settings(seconds))
+    table = np.array(rows)
+    return {'theta': table[:, :2], 'curvature': table[:, 2:4], 'torque': table[:, 4:]}
+
+
+def _link(system: Any, plant: PlantParameters, link: int) -> list[Any]:
+    """Add a straight link along x; return its nodes."""
+    piece = plant.length[link] / ELEMENTS
+    begin = link * plant.length[0]
+    nodes = [
+        system.AddNode(
+            items.NodePoint2DSlope1(referenceCoordinates=[begin + i * piece, 0.0, 1.0, 0.0])
+        )
+        for i in range(ELEMENTS + 1)
+    ]
+    rigidity = plant.flexural_rigidity[link]
+    for pair in zip(nodes, nodes[1:], strict=False):
+        system.AddObject(
+            items.Cable2D(
+                length=piece, massPerLength=plant.mass_density[link], bendingStiffness=rigidity,
+                axialStiffness=AXIAL, bendingDamping=rigidity * material_damping(plant, link),
+                nodeNumbers=list(pair), useReducedOrderIntegration=0,
+            )
+        )  # fmt: skip
+    return nodes
+
+
+def _body(system: Any, node: Any, mass: float, inertia: float) -> _Body:
+    """Clamp a rigid body to a node of a link."""
+    place = system.GetNode(node)['referenceCoordinates'][:2]
+    own = system.AddNode(items.NodeRigidBody2D(referenceCoordinates=[*place, 0.0]))
+    system.AddObject(items.RigidBody2D(nodeNumber=own, mass=mass, inertia=inertia))
+    marker = system.AddMarker(items.MarkerNodeRigid(nodeNumber=own))
+    other = system.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
+    system.AddObject(
+        items.GenericJoint(markerNumbers=[other, marker], constrainedAxes=[1, 1, 0, 0, 0, 1])
+    )
+    return _Body(own, marker)
+
+
+def _rotor(system: Any, end: _Body, root: _Body, inertia: float) -> None:
+    """Add an inertia that acts on the rate between two bodies, as a rotor behind a gear does."""
+    mass = np.zeros((6, 6))
+    mass[2, 2] = mass[5, 5] = inertia
+    mass[2, 5] = mass[5, 2] = -inertia
+    system.AddObject(items.ObjectGenericODE2(nodeNumbers=[end.node, root.node], massMatrix=mass))
+
+
+def _friction(system: Any, plant: PlantParameters, turns: list[Any]) -> None:
+    still = system.AddNode(items.NodePointGround())
+    fixed = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=still, coordinate=0))
+    for joint, pair in enumerate(([fixed, turns[0]], [turns[1], turns[2]])):
+        system.AddObject(
+            items.CoordinateSpringDamperExt(
+                markerNumbers=pair, damping=plant.viscous_friction[joint],
+                dynamicFrictionForce=plant.coulomb_friction[joint], frictionProportionalZone=ZONE,
+            )
+        )  # fmt: skip
+
+
+def _control(system: Any, bodies: Any, turns: list[Any], curvatures: Any) -> list[list[float]]:
+    """Let the controller set the torques every `PERIOD`; return the rows, which it fills."""
+    loads = [system.AddLoad(items.LoadCoordinate(markerNumber=turn, load=0.0)) for turn in turns]
+    rows: list[list[float]] = []
+    steps, every = [0], round(PERIOD / STEP)
+
+    def turned(kind: Any) -> tuple[float, float]:
+        first, end, root = (system.GetNodeOutput(body.node, kind)[2] for body in bodies)
+        return first, root - end
+
+    def before(_: Any, time: float) -> bool:
+        if steps[0] % every == 0:
+            angles = turned(exu.OutputVariableType.Coordinates)
+            rates = turned(exu.OutputVariableType.Coordinates_t)
+            goals = goal(len(rows) * PERIOD)
+            torques = [
+                GAINS[j][0] * (goals[j] - angles[j]) - GAINS[j][1] * rates[j] for j in (0, 1)
+            ]
+            rows.append([*angles, *curvatures(), *torques])
+            for load, torque in zip(loads, (torques[0], -torques[1], torques[1]), strict=True):
+                system.SetLoadParameter(load, 'load', torque)
+        steps[0] += 1
+        return True
+
+    system.SetPreStepUserFunction(before)
+    return rows
+
+
+def _curvature(system: Any, plant: PlantParameters, links: list[list[Any]], link: int) -> float:
+    """Return the curvature at the gauge, 1/m."""
+    piece, x = plant.length[link] / ELEMENTS, PLACE
+    points = []
+    for node in links[link][:2]:
+        moved = np.asarray(system.GetNodeOutput(node, exu.OutputVariableType.Coordinates))
+        place = moved + np.asarray(system.GetNode(node)['referenceCoordinates'])
+        points += [place[:2], piece * place[2:]]
+    slopes = np.array(
+        [6 * x * x - 6 * x, 1 - 4 * x + 3 * x * x, 6 * x - 6 * x * x, 3 * x * x - 2 * x]
+    )
+    bends = np.array([12 * x - 6, 6 * x - 4, 6 - 12 * x, 6 * x - 2])
+    along, bend = slopes @ np.array(points) / piece, bends @ np.array(points) / piece**2
+    return float((along[0] * bend[1] - along[1] * bend[0]) / np.linalg.norm(along) ** 3)
+
+
+def _settings(seconds: float) -> Any:
+    settings = exu.SimulationSettings()
+    integration = settings.timeIntegration
+    integration.numberOfSteps = round(seconds / STEP)
+    integration.endTime = seconds
+    integration.verboseMode = 0
+    integration.adaptiveStep = False
+    integration.generalizedAlpha.spectralRadius = 1.0
+    integration.generalizedAlpha.useIndex2Constraints = True
+    integration.generalizedAlpha.useNewmark = True
+    integration.newton.useModifiedNewton = False
+    integration.newton.relativeTolerance = 1e-6
+    integration.newton.absoluteTolerance = 1e-10
+    settings.solution.file.write = False
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+    return settings
