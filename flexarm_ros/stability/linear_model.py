@@ -28,6 +28,7 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import TipSensorPart
 from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, ticks_between, Timeline
 from flexarm_ros.stability.hold import (
@@ -38,7 +39,7 @@ from flexarm_ros.stability.hold import (
     pade_line,
 )
 from flexarm_ros.stability.modes import linearise
-from flexarm_ros.stability.sampled_loop import CHANNELS, MOST_STATES
+from flexarm_ros.stability.sampled_loop import CHANNELS, MOST_STATES, SENSORS
 import numpy as np
 from scipy.linalg import block_diag
 
@@ -101,7 +102,7 @@ def linear_model(
         a, b = hold_matrices(arm, period)
     point = arm.point(config.tip_sensor.location, config.tip_sensor.measurand == 'elastic')
     sensed = [np.asarray(np.kron(np.eye(2), part)) for part in (np.eye(2, size), point)]
-    lines = [_line(config, node, continuous) for node in ('encoder', 'tip_sensor')]
+    lines = [_line(config, node, continuous) for node in SENSORS]
     system = _joined(a, b, sensed, lines)
     whole = np.zeros((2 * size + 2, len(system.a)))
     whole[:-2, : 2 * size] = np.eye(2 * size)
@@ -138,12 +139,12 @@ def _joined(
 
 def _line(config: RunConfig, node: str, continuous: bool) -> DelayLine:
     """Return a sensor's delay line for its four channels."""
-    section = config.encoder if node == 'encoder' else config.tip_sensor
+    section = config.section(node)
     latency_ns = named_ns(f'{node}.latency', section.latency)
     if continuous:
         return _continuous_pade(latency_ns / NS_PER_S).wide(CHANNELS)
     period_ns = Timeline.of(config.run).period_ns
-    if node == 'tip_sensor' and config.tip_sensor.latency_model == 'pade2':
+    if node == TipSensorPart.NAME and section.latency_model == 'pade2':
         return pade_line(period_ns, latency_ns).wide(CHANNELS)
     most = MOST_STATES // CHANNELS
     if line_length(period_ns, latency_ns) > most:
@@ -178,7 +179,7 @@ def _delay_names(lines: list[DelayLine]) -> list[str]:
 
 def _check_rate(config: RunConfig) -> None:
     period_ns = Timeline.of(config.run).period_ns
-    for node in ('encoder', 'tip_sensor'):
+    for node in SENSORS:
         ticks = ticks_between(f'{node}.rate', config.section(node).rate, period_ns)
         if ticks > 1:
             raise ValueError(

@@ -40,13 +40,15 @@ count with their mean; `largest_latency_s` is for a bound.
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from flexarm_ros.core.control import PLANNING
+from flexarm_ros.core.control import LAWS
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.channel import ChannelParameters
-from flexarm_ros.core.parameters.rig import ActuatorParameters
-from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs, values_of
 from flexarm_ros.core.run.make_plant import choose_integrator
+from flexarm_ros.core.run.parts import ControllerPart, EncoderPart, TipSensorPart
+from flexarm_ros.core.run.rig_parts import ActuatorPart, DisturbancePart
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, ticks_between, Timeline
 from flexarm_ros.stability.form import LinearLaw
 from flexarm_ros.stability.hold import (
@@ -64,42 +66,49 @@ from numpy.typing import NDArray
 MOST_STATES = 1500
 """Largest state of a loop that is analysed; its eigenvalues take about ten seconds."""
 
-NODES = ('encoder', 'tip_sensor')
+SENSORS = (EncoderPart.NAME, TipSensorPart.NAME)
+RATED = (*SENSORS, ControllerPart.NAME, ActuatorPart.NAME)
+"""Roles with a rate in the loop."""
+
+_ANALYSED = {
+    EncoderPart.NAME: {'latency', 'rate', 'offset'},
+    TipSensorPart.NAME: {
+        *('location', 'more_locations', 'measurand', 'latency', 'latency_model', 'rate'),
+    },
+    ActuatorPart.NAME: {
+        *('bandwidth', 'efficiency', 'rotor_share', 'torque_constant', 'gear_ratio', 'latency'),
+        'rate',
+    },
+}
+"""Role -> keys in the linear analysis, or without effect on it; the others are left out."""
+_DEPENDENT = {'jitter_distribution', 'latency_file', 'dropout_burst', 'arrival'}
+"""Keys of a channel that have an effect only with another one, which is named."""
+
 CHANNELS = 4
 TORQUES = 2
 
 
 def sensor_of(config: RunConfig) -> str:
     """Return the sensor whose latency is varied: ``controller.feedback`` or the law's input."""
-    control = config.controller
-    if control.law == 'inverse':
-        return 'encoder'
-    return 'tip_sensor' if control.law in PLANNING else control.feedback
+    return LAWS[config.controller.law].SENSOR or config.controller.feedback
 
 
 def left_out(config: RunConfig) -> list[str]:
     """Return the keys of a scenario that affect the simulation but not its linear analysis."""
-    drive = config.section('actuator') or ActuatorParameters()
-    keys = {
-        **{
-            f'actuator.{key}': any(getattr(drive, key))
-            for key in ('backlash', 'resolution', 'torque_limit')
-        },
+    keys: dict[str, Any] = {
+        f'{role}.{key}': values_of(config, role).get(key, default) != default
+        for role, analysed in _ANALYSED.items()
+        for key, (_, _, default) in specs(SECTIONS[role]).items()
+        if key not in analysed | _DEPENDENT
+    }
+    keys |= {
         'controller.torque_limit': config.controller.torque_limit,
-        **{
-            f'{node}.{key}': getattr(config.section(node) or ChannelParameters(), key)
-            for node in (*NODES, 'actuator')
-            for key in ('jitter', 'dropout', 'latencies')
-        },
-        'disturbance': config.section('disturbance') is not None,
-        'encoder.noise_std': config.encoder.noise_std,
-        'encoder.resolution': config.encoder.resolution,
+        DisturbancePart.NAME: config.section(DisturbancePart.NAME) is not None,
         'plant.coulomb_friction': any(config.plant.coulomb_friction),
         'plant.coulomb_friction_negative': any(config.plant.coulomb_friction_negative or ()),
-        'tip_sensor.noise_std': config.tip_sensor.noise_std,
         'trajectory.delay': config.trajectory.delay,
     }
-    return [key for key, value in keys.items() if value]
+    return sorted(key for key, value in keys.items() if value)
 
 
 def largest_latency_s(channel: ChannelParameters) -> float | None:
@@ -144,28 +153,23 @@ class SampledLoop:
         self.arm = linearise(config, theta2)
         self.law = linear_law(config, self.arm, time)
         steps = choose_integrator(config) if integrator == 'plant' else None
-        self.hold = driven_hold_matrices(self.arm, config.section('actuator'), self.period, steps)
-        drive = config.section('actuator') or ActuatorParameters()
-        rates = {
-            'encoder': config.encoder.rate, 'tip_sensor': tip.rate,
-            'controller': config.controller.rate, 'actuator': drive.rate,
-        }  # fmt: skip
+        self.hold = driven_hold_matrices(
+            self.arm, config.section(ActuatorPart.NAME), self.period, steps
+        )
+        sections = {role: config.section(role) or SECTIONS[role]() for role in RATED}
         self._every = {
-            node: ticks_between(f'{node}.rate', rate, self.period_ns)
-            for node, rate in rates.items()
+            role: ticks_between(f'{role}.rate', held.rate, self.period_ns)
+            for role, held in sections.items()
         }
         self.ticks_per_sample = math.lcm(*self._every.values())
         delay_ns = named_ns('controller.compute_delay', config.controller.compute_delay)
         self._command_ns = -(-delay_ns // self.period_ns) * self.period_ns
-        self._way_ns = _mean_latency_ns('actuator', drive)
+        self._way_ns = _mean_latency_ns(ActuatorPart.NAME, sections[ActuatorPart.NAME])
         point = self.arm.point(tip.location, tip.measurand == 'elastic')
         joints = np.eye(2, len(self.arm.mass))
         self._sensed = tuple(np.kron(np.eye(2), part) for part in (joints, point))
         self._compress, self._pade = compress, tip.latency_model == 'pade2'
-        self._latencies = (
-            _mean_latency_ns('encoder', config.encoder),
-            _mean_latency_ns('tip_sensor', tip),
-        )
+        self._latencies = tuple(_mean_latency_ns(name, sections[name]) for name in SENSORS)
 
     @property
     def sensor(self) -> str:
@@ -175,12 +179,12 @@ class SampledLoop:
     @property
     def latency_ns(self) -> int:
         """Return the latency of the law's sensor, which :meth:`matrix` may vary."""
-        return self._latencies[NODES.index(self.sensor)]
+        return self._latencies[SENSORS.index(self.sensor)]
 
     @property
     def longest_latency_ns(self) -> int:
         """Return the longest latency of that sensor that :meth:`matrix` accepts."""
-        if self.sensor == 'tip_sensor' and self._pade:
+        if self.sensor == TipSensorPart.NAME and self._pade:
             return NS_PER_S
         width = max(
             len(self._split(self.law, 2 * len(self.arm.mass) + CHANNELS * i)[1]) for i in (0, 1)
@@ -198,7 +202,7 @@ class SampledLoop:
 
         ``factor`` multiplies the torques; ``latency_ns`` replaces :attr:`latency_ns`.
         """
-        latencies = dict(zip(NODES, self._latencies, strict=True))
+        latencies = dict(zip(SENSORS, self._latencies, strict=True))
         if latency_ns is not None:
             latencies[self.sensor] = latency_ns
         law = self.law.scaled(factor)
@@ -231,7 +235,7 @@ class SampledLoop:
         return float(np.abs(self.eigenvalues(factor, latency_ns)[0]))
 
     def _line(self, node: str, latency_ns: int, width: int) -> DelayLine:
-        if node == 'tip_sensor' and self._pade:
+        if node == TipSensorPart.NAME and self._pade:
             return pade_line(self.period_ns, latency_ns).wide(width)
         if width * line_length(self.period_ns, latency_ns) > MOST_STATES:
             raise ValueError(
@@ -247,14 +251,14 @@ class SampledLoop:
         split = [self._split(law, arm + CHANNELS * i) for i in (0, 1)]
         lines = [
             self._line(node, latencies[node], len(combined))
-            for node, (_, combined) in zip(NODES, split, strict=True)
+            for node, (_, combined) in zip(SENSORS, split, strict=True)
         ]
         kept = [
             len(combined) if self._every[node] > 1 else 0
-            for node, (_, combined) in zip(NODES, split, strict=True)
+            for node, (_, combined) in zip(SENSORS, split, strict=True)
         ]
-        way = self._line('actuator', self._command_ns + self._way_ns, TORQUES)
-        out, at = (2 if self._every[node] > 1 else 0 for node in ('controller', 'actuator'))
+        way = self._line(ActuatorPart.NAME, self._command_ns + self._way_ns, TORQUES)
+        out, at = (2 if self._every[node] > 1 else 0 for node in RATED[2:])
         ends = np.cumsum([size, len(lines[0].a), len(lines[1].a), *kept, own, out, len(way.a), at])
         places = [slice(int(start), int(end)) for start, end in zip(ends, ends[1:], strict=False)]
         memory, torques, command, applied = places[4:]
@@ -263,7 +267,7 @@ class SampledLoop:
         # The law's inputs as rows over the whole state: b for its own state, d for the torques.
         rows = np.vstack([law.b, law.d])[:, :arm] @ whole[:arm]
         for node, place, store, line, sensed, (gains, combined) in zip(
-            NODES, places[:2], places[2:4], lines, self._sensed, split, strict=True
+            SENSORS, places[:2], places[2:4], lines, self._sensed, split, strict=True
         ):
             sample = combined @ sensed
             result[place, :arm], result[place, place] = line.b @ sample, line.a
@@ -276,14 +280,14 @@ class SampledLoop:
             rows += gains @ delivered
         rows[:own, memory] += law.a
         rows[own:, memory] += law.c
-        if 'controller' not in due:
+        if ControllerPart.NAME not in due:
             rows[:own], rows[own:] = whole[memory], whole[torques]
         result[memory] = rows[:own]
         if out:
             result[torques] = rows[own:]
         result[command] = way.b @ rows[own:] + way.a @ whole[command]
         torque = way.d @ rows[own:] + way.c @ whole[command]
-        if 'actuator' not in due:
+        if ActuatorPart.NAME not in due:
             torque = whole[applied]
         if at:
             result[applied] = torque
