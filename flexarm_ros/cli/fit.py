@@ -48,7 +48,7 @@ def add_parser(make: Any) -> None:
     add_data_options(parser)
     parser.add_argument(
         '--free', required=True, action='append', metavar='KEY[,KEY...]',
-        help='numbers to estimate: section.key, of an array both, or one as section.key.1',
+        help='numbers to estimate: section.key (both numbers of an array) or section.key.1 (one)',
     )  # fmt: skip
     parser.add_argument(
         '--prior', action='append', default=[], metavar='KEY=VALUE+-STD',
@@ -56,20 +56,20 @@ def add_parser(make: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--hold-out', action='append', default=[], metavar='DATA or T0:T1',
-        help='a recording, or a span of every one in s, on which the result is checked only',
+        help='a recording, or a time span (s) of every recording: checked, not fitted',
     )  # fmt: skip
     parser.add_argument(
         '--window', type=_window, metavar='T',
-        help=f'predict windows of T s, or whole: all at once, from rest (default {WINDOW:g}; '
+        help=f'predict windows of T s, or whole: all data from rest (default {WINDOW:g}; '
         'closed_loop: whole). Windows suit a real arm, whose model is never exact; whole suits '
         'data with more noise than model error.',
     )  # fmt: skip
     parser.add_argument(
         '--channels', metavar='NAME[,NAME...]',
-        help='fit these channels, as strain1,theta1_rate (default: every one of the mode)',
+        help='fit these channels, as strain1,theta1_rate (default: all channels of the mode)',
     )  # fmt: skip
     parser.add_argument('--out', type=Path, required=True, metavar='DIR', help='output directory')
-    parser.add_argument('--no-pictures', action='store_true', help='write no pictures, no page')
+    parser.add_argument('--no-pictures', action='store_true', help='write no figures and no page')
 
 
 def _window(text: str) -> float:

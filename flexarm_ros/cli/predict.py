@@ -44,8 +44,8 @@ def add_parser(make: Any) -> None:
     parser.add_argument('data', metavar='DATA', help='a CSV file, a run or a bag')
     parser.add_argument(
         '--window', type=positive, metavar='T',
-        help='predict windows of T s, each from the state that the data before it give '
-        '(default: all at once, from rest)',
+        help='predict windows of T s, each from the state estimated from the data '
+        'before it (default: all data from rest)',
     )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print JSON instead of a table')
 

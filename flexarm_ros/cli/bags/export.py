@@ -34,7 +34,9 @@ def add_parser(make: Any) -> None:
         'up to the damage; 2 bad usage.',
     )
     parser.add_argument('bag', metavar='BAG', help='a bag, or the output directory of a run')
-    parser.add_argument('--format', choices=('csv', 'parquet', 'mat'), default='csv')
+    parser.add_argument(
+        '--format', choices=('csv', 'parquet', 'mat'), default='csv', help='default: csv'
+    )
     parser.add_argument('--out', metavar='DIR', required=True, help='new directory for the files')
     add_bag_options(parser)
 
