@@ -21,7 +21,9 @@ force: the derivative of J^T does not contribute, and (20) and (21) are
     tau = -g J^T (Kp dp + Kd dv),
 
 where dp and dv are the measured deviations of the tip.  For (20) g = 1.  For (21)
-g = K_s lambda(0, 0), exactly: the slope of lambda does not contribute either.
+g = K_s lambda(0, 0), exactly: the slope of lambda does not contribute either, and so neither
+does the low-pass of strain gauges.  With ``controller.deflection_source: strain_gauge`` lambda is
+that of the gauges' readings at rest, their offsets.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw
 from flexarm_ros.core.control.planned import InverseLaw, PassiveLaw
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.parameters.rig import StrainGaugeParameters
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.sensing.strain_gauge import deflection_scales, StrainGaugePart
 from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
 from flexarm_ros.stability.modes import LinearArm
 from flexarm_ros.stability.planned import inverse_form, lqg_form, passive_form
@@ -68,8 +72,23 @@ def _pd_form(config: RunConfig, arm: LinearArm, _time: float | None) -> LinearLa
 
 
 def _fls_form(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw:
-    gain = config.controller.ks * gain_of(config, 0.0, 0.0)
+    gain = config.controller.ks * gain_of(config, *_bends_at_rest(config, arm))
     return _pd_form(config, arm, time).scaled(gain)
+
+
+def _bends_at_rest(config: RunConfig, arm: LinearArm) -> tuple[float, float]:
+    """Return the end deflections that the law uses at rest, m: 0 but for gauges' offsets."""
+    scales = deflection_scales(config)
+    if scales is None:
+        return 0.0, 0.0
+    gauge: StrainGaugeParameters = config.section(StrainGaugePart.NAME)
+    first, second = (
+        scale * (offset + slope * angle)
+        for scale, offset, slope, angle in zip(
+            scales, gauge.offset, gauge.offset_slope, (arm.theta1, arm.theta2), strict=True
+        )
+    )
+    return first, second
 
 
 FORMS: dict[type[Law], Callable[[RunConfig, LinearArm, float | None], LinearLaw]] = {

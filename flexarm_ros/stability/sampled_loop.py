@@ -49,6 +49,7 @@ from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs, val
 from flexarm_ros.core.run.make_plant import choose_integrator
 from flexarm_ros.core.run.parts import ControllerPart, EncoderPart, TipSensorPart
 from flexarm_ros.core.run.rig_parts import ActuatorPart, DisturbancePart
+from flexarm_ros.core.sensing.strain_gauge import closes_the_loop
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, ticks_between, Timeline
 from flexarm_ros.stability.form import LinearLaw
 from flexarm_ros.stability.hold import (
@@ -58,7 +59,7 @@ from flexarm_ros.stability.hold import (
     line_length,
     pade_line,
 )
-from flexarm_ros.stability.law import linear_law
+from flexarm_ros.stability.law import FORMS, linear_law
 from flexarm_ros.stability.modes import linearise
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +107,9 @@ def left_out(config: RunConfig) -> list[str]:
         DisturbancePart.NAME: config.section(DisturbancePart.NAME) is not None,
         'plant.coulomb_friction': any(config.plant.coulomb_friction),
         'plant.coulomb_friction_negative': any(config.plant.coulomb_friction_negative or ()),
+        # At rest the laws of this package depend on readings at rest only; a law of the user's
+        # linear form takes the exact deflections.
+        'strain_gauge': closes_the_loop(config) and LAWS[config.controller.law] not in FORMS,
         'trajectory.delay': config.trajectory.delay,
     }
     return sorted(key for key, value in keys.items() if value)

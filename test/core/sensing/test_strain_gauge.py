@@ -40,6 +40,8 @@ from flexarm_ros.identification.prediction.predict import predict
 from flexarm_ros.identification.recording import read
 from flexarm_ros.identification.setting import load_setting
 from flexarm_ros.scenario import ScenarioError
+from flexarm_ros.stability.law import linear_law
+from flexarm_ros.stability.modes import linearise
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -219,6 +221,18 @@ def test_the_source_of_the_deflections_must_exist() -> None:
         scenario.load('fls_tip', ['controller.deflection_source=strain_gauge'])
     assert 'strain_gauge/strain' not in ControllerPart.reads(config)
     assert ControllerPart.reads(looped(StrainGaugeParameters()))[-1] == STRAIN
+
+
+def test_the_offset_of_a_gauge_is_in_the_gain_of_the_linear_loop() -> None:
+    offset = StrainGaugeParameters(output='angle', offset=(0.1, 0.0), offset_slope=(0.0, 0.2))
+    config = looped(offset)
+    arm = linearise(config, 0.7)
+    expected = 15.0 * fuzzy_gain(config, 0.1 * 4.5, 0.2 * 0.7 * 4.5)
+    assert linear_law(config, arm).gain == pytest.approx(expected, rel=1e-12)
+    exact = linear_law(scenario.load('fls_tip'), arm).gain
+    assert exact == pytest.approx(15.0 * fuzzy_gain(config, 0.0, 0.0), rel=1e-12)
+    filtered = looped(replace(offset, filter_cutoff=(2.0, 2.0)))
+    assert linear_law(filtered, arm).gain == linear_law(config, arm).gain
 
 
 def test_without_the_section_there_is_no_gauge() -> None:
