@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.parts import columns
 from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.core.run.results.trajectory_rows import Rows
 
@@ -35,7 +36,7 @@ def warm_up(config: RunConfig) -> None:
             metrics.add(
                 rows.row(
                     record.k, record.q, record.qd, record.deflections[:2], record.tip[1:3],
-                    record.torque,
+                    record.torque, further=(0.0,) * len(columns(config)),
                 )
             )  # fmt: skip
     loop.plant.step(0.0, 0.0)
