@@ -75,6 +75,8 @@ class LatencyChannel:
         self._identity = seed, f'{name}{number or ""}'
         self.ns = self._wanted(parameters)
         """The latency, ns."""
+        self._used_ns = self.ns
+        """That of the last tick; between two ticks `retune` may be called several times."""
         self.every = ticks_between(f'{name}.rate', parameters.rate, timeline.period_ns)
         """Ticks between samples."""
         count = -(-width // CHANNELS)
@@ -117,12 +119,12 @@ class LatencyChannel:
     def retune(self, parameters: ChannelParameters) -> None:
         """Take latency, jitter and loss from the next tick on; ``ValueError`` as `check`."""
         self.check(parameters)
-        before, self.ns = self.ns, self._wanted(parameters)
+        self.ns = self._wanted(parameters)
         if parameters.scheduled and self._schedule is None:
             from flexarm_ros.core.sensing.schedule import Schedule
 
             self._schedule = Schedule(*self._identity, parameters, self._period_ns)
-            self._delay_ns = before
+            self._delay_ns = self._used_ns
         if self._schedule is not None:
             self._schedule.retune(parameters)
             self._whole, self._part_ns = divmod(self.ns, self._period_ns)
@@ -139,7 +141,7 @@ class LatencyChannel:
         """Take the sample of tick ``k``; return stamp (ns) and values if newly delivered."""
         if self._schedule is not None:
             return self._scheduled_step(k, sample, self._schedule)
-        values = self._through(k + self._shift, sample)
+        values, self._used_ns = self._through(k + self._shift, sample), self.ns
         return None if k % self.every else (T0_NS + k * self._period_ns - self.ns, values)
 
     def _through(self, k: int, sample: Sequence[float]) -> Sequence[float]:

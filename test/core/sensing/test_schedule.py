@@ -212,6 +212,21 @@ def test_a_vanishing_jitter_is_a_constant_latency(of: ChannelParameters, change:
     assert channel.scheduled
 
 
+def test_changes_of_one_tick_are_one_change() -> None:
+    """A node takes them one by one, the recomputation all at once."""
+    start, late = ChannelParameters(), ChannelParameters(latency=0.002)
+    both = ChannelParameters(latency=0.002, jitter=0.001)
+    single, joint = (LatencyChannel('encoder', start, TIMELINE, 4, 7) for _ in range(2))
+    for k in range(40):
+        if k == 20:
+            single.retune(late)
+            single.retune(both)
+            joint.retune(both)
+        sample = (float(k), 0.0, 0.0, 0.0)
+        found, wanted = single.step(k, sample), joint.step(k, sample)
+        assert found == wanted, k
+
+
 def test_nothing_arrives_where_everything_is_lost() -> None:
     found = received(ChannelParameters(0.0025, dropout=1.0))
     assert set(map(str, found)) == {str((T0_NS - 500_000, [0.0, 0.5, -0.0, 0.0]))}

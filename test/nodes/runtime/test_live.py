@@ -30,6 +30,8 @@ CHANGES = (
     ('controller', 'kp', 80.0),
     ('tip_sensor', 'noise_std', 0.01),
     ('encoder', 'latency', 0.002),
+    ('encoder', 'jitter', 0.001),
+    ('tip_sensor', 'dropout', 0.05),
     ('trajectory', 'delay', 0.003),
 )
 
@@ -53,6 +55,7 @@ def test_live_parameters_change_at_a_tick_and_are_on_record(
         refused = ask.assign('encoder', 'latency', 0.0000000005)
         assert not refused.successful
         assert 'nanosecond' in refused.reason
+        assert not ask.assign('tip_sensor', 'dropout', 1.5).successful
         refused = ask.assign('controller', 'kn', 0.0)
         assert not refused.successful
         assert 'controller.kn' in refused.reason
