@@ -21,7 +21,7 @@ where a scenario has the section of that name, and in no other way.
 A law is named by an installed entry point of the group ``flexarm_ros.laws``, or as
 ``package.module:Class``.  The second is imported only if a scenario file, an override or a call
 of the user names it, never because a bag or another node does.  For those an entry point of that
-value is needed, or `trust`.
+value is needed, or `trust`; the laws of this package need neither.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ LAW_GROUP = 'flexarm_ros.laws'
 PART_GROUP = 'flexarm_ros.parts'
 _RESERVED = ('run', 'compose', 'node', 'player', 'viewer')
 """Names that are no role's: a section's in Python, and those of other executables."""
-_trusted: set[str] = set()
+_trusted = {'flexarm_ros.core.control'}
+"""Modules, or packages, whose laws a bag may name: those of this package have no side effects."""
 
 
 @cache

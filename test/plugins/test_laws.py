@@ -268,6 +268,15 @@ def test_data_and_texts_import_nothing(named: Named) -> None:
     assert named.mark.exists()
 
 
+def test_a_bag_may_name_a_law_of_this_package(registry: None) -> None:
+    law = 'flexarm_ros.core.control.state_feedback:StateFeedback'
+    text = f'controller:\n  ros__parameters: {{law: "{law}"}}\n'
+    assert scenario.from_text(text).controller.law == law
+    elsewhere = text.replace('control.state_feedback', 'run.metrics')
+    with pytest.raises(fa.ScenarioError, match='is not allowed'):
+        scenario.from_text(elsewhere)
+
+
 @pytest.mark.nodes
 def test_a_peer_names_no_module_to_import(named: Named) -> None:
     from flexarm_ros.nodes.runtime.joining.config_exchange import (
