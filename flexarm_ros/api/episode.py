@@ -108,7 +108,7 @@ class Episode:
         points = np.nan_to_num(np.array(line.at(self._plant.q, self._plant.qd)))
         target = np.array(self._reference.at(self.tick)[:2])
         title = f't = {self.tick * self._period:.3f} s'
-        return frame(points, line.elbow, target, sum(self._config.plant.spans), title)
+        return frame(points, line.elbow, target, self._config.plant.reach, title)
 
     def _measure(self) -> None:
         """Sample the sensors, exactly once per tick."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from difflib import SequenceMatcher
 import os
 from pathlib import Path
 from typing import Any
@@ -267,8 +268,9 @@ def full_name(section: str, key: str) -> str:
 
 def nearest(section: str, key: str) -> str:
     """Return a hint: the key in another section, or the nearest spelling."""
-    last = key.rpartition('.')[2]
-    for other in SECTIONS:
+    before, _, last = key.rpartition('.')  # `before`: where the section itself is not known
+    given = before or section
+    for other in sorted(SECTIONS, key=lambda name: -SequenceMatcher(None, given, name).ratio()):
         for candidate in (key, last):
             if candidate in known_keys(other):
                 return f"; did you mean '{full_name(other, candidate)}'?"

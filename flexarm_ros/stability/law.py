@@ -110,7 +110,7 @@ the source covers `core`, not `stability`.  A subclass is not its base: it has a
 def _jacobian_law(config: RunConfig, arm: LinearArm) -> FloatArray:
     """Return d, shape ``(2, 2 n + 8)``, of tau = J^T (Kp e + Kd e')."""
     controller, size = config.controller, len(arm.mass)
-    whole = sum(config.plant.spans)
+    whole = config.plant.reach
     j11, j12, j21, j22 = jacobian(config.plant.spans, arm.theta1, arm.theta2, whole)
     tip = np.array([[j11, j12], [j21, j22]])
     # Columns: q, q', the encoder's angles and rates, the tip sensor's position and velocity.

@@ -158,7 +158,7 @@ def lqg_form(config: RunConfig, arm: LinearArm, time: float | None) -> LinearLaw
     a[size:][:2], b[size:][:2] = sensed @ a[:n], sensed @ b[:n]
     a[size:z][2:], b[size:z][2:] = state[size:z][:-2], given[size:z][:-2]
     a[-4:-2], b[-4:-2] = c, d
-    tip = period * believed.point(sum(config.plant.spans))
+    tip = period * believed.point(config.plant.reach)
     a[-2:], b[-2:] = tip @ state[:n], tip @ given[:n]
     a[-2:, -2:] += np.eye(2)
     return LinearLaw(a, b, c, d)

@@ -155,6 +155,7 @@ GENTLE = ('controller.kp=20', 'controller.kd=2', 'controller.ks=2')
             'tip_sensor.dropout=0.2',
             'encoder.rate=250',
             'controller.kp=9',
+            'controller.kd=9',
         ),
         ('tip_sensor.more_locations=[5.0, 7.0]', 'plant.modes=2'),
         ('control_period=0.002', 'controller.law=pd'),

@@ -406,8 +406,8 @@ def write_as_another_version(
 
 
 LAW = ('law: "fls"', 'law: "evil_law:Law"\n    evil: {gain: 3.0}')
-SECTION = ('plant:\n', 'imu:\n  ros__parameters:\n    rate: 100.0\nplant:\n')
-KEY = ('    location: 9.0\n', '    location: 9.0\n    jitter: 0.001\n')
+SECTION = ('plant:\n', 'lidar:\n  ros__parameters:\n    rate: 100.0\nplant:\n')
+KEY = ('    location: 9.0\n', '    location: 9.0\n    smear: 0.001\n')
 CHOICE = ('kind: "square"', 'kind: "spline"')
 RUN_KEY = ('    seed: 0\n', '    seed: 0\n    burst_limit: 100\n')
 
@@ -421,8 +421,8 @@ RUN_KEY = ('    seed: 0\n', '    seed: 0\n    burst_limit: 100\n')
             'law: evil_law:Law is not known (--trust evil_law uses it); unknown key evil',
             'controller',
         ),
-        (SECTION, 'imu', 'unknown section', ''),
-        (KEY, 'tip_sensor', 'unknown key jitter', 'tip_sensor'),
+        (SECTION, 'lidar', 'unknown section', ''),
+        (KEY, 'tip_sensor', 'unknown key smear', 'tip_sensor'),
         (CHOICE, 'trajectory', 'kind: spline is not known', 'trajectory'),
         (RUN_KEY, '/**', 'unknown key burst_limit', ''),
     ],

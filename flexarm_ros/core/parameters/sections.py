@@ -202,6 +202,11 @@ class PlantParameters:
         hubs, lengths, ends = self.hub_radius, self.length, self.end_offset
         return hubs[0] + lengths[0] + ends[0], hubs[1] + lengths[1] + ends[1]
 
+    @property
+    def reach(self) -> float:
+        """Return the distance shoulder to tip, m, of a straight arm."""
+        return self.spans[0] + self.spans[1]
+
     def flexible_part(self, link: int, distance: float) -> tuple[float, float]:
         """
         Split a distance, m, from the joint of ``link`` (0 or 1).

@@ -73,7 +73,7 @@ class ImuPart(Sensor):
     def check(cls, config: RunConfig) -> None:
         """Raise ``ValueError`` for a place beyond the tip."""
         super().check(config)
-        place, reach = config.section(cls.NAME).location, sum(config.plant.spans)
+        place, reach = config.section(cls.NAME).location, config.plant.reach
         if place is not None and place > reach:
             raise ValueError(
                 f'imu.location: {place!r} m, allowed: 0 (shoulder) to {reach:.12g} m (tip)'
@@ -86,7 +86,7 @@ class ImuPart(Sensor):
 
         super().__init__(config)
         held: ImuParameters = self.parameters
-        place = sum(config.plant.spans) if held.location is None else held.location
+        place = config.plant.reach if held.location is None else held.location
         self._shapes = frame_shapes(config.plant, place)
         self._motion, self._array = frame_motion, np.array
         self._period = Timeline.of(config.run).period
