@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KINDS = ('paths', 'corners', 'signals', 'fls')
+KINDS = ('paths', 'corners', 'signals', 'parts', 'fls')
 
 
 class RunData(Protocol):
@@ -69,8 +69,9 @@ def plot(runs: RunData | Sequence[RunData], kind: str = 'paths') -> Figure:
     kind
         ``paths``: the end effector's path and its reference.  ``corners``: the transients where
         the reference changes direction.  ``signals``: error, deflections, torques and lambda
-        over time, for the first law and sensor location of the runs.  ``fls``: membership
-        functions, surface, and the part of it used by the runs.
+        over time, for the first law and sensor location of the runs.  ``parts``: the same for
+        the columns of optional parts, as strain gauges.  ``fls``: membership functions, surface,
+        and the part of it used by the runs.
 
     Raises
     ------
@@ -88,12 +89,16 @@ def plot(runs: RunData | Sequence[RunData], kind: str = 'paths') -> Figure:
 def _draw(groups: list[figures_style.Panel], kind: str) -> Figure:
     from flexarm_ros.analysis.figures.corners import corner_figure
     from flexarm_ros.analysis.figures.paths import path_figure
-    from flexarm_ros.analysis.figures.runs import signal_figure
+    from flexarm_ros.analysis.figures.runs import part_figure, signal_figure
 
     if kind == 'paths':
         return path_figure(groups)
     if kind == 'signals':
         return signal_figure(groups[0])
+    if kind == 'parts':
+        if not any(run.optional() for run in groups[0].runs):
+            raise ValueError("kind: 'parts', but no optional part of the runs has a column")
+        return part_figure(groups[0])
     if kind == 'corners':
         if not any(figures_style.group_switches(group) for group in groups):
             raise ValueError("kind: 'corners', but the reference never switches its direction")

@@ -148,7 +148,7 @@ class Run:
         )
 
     def plot(self, kind: str = 'paths') -> Figure:
-        """Return a matplotlib figure: ``paths``, ``corners``, ``signals`` or ``fls``."""
+        """Return a matplotlib figure: ``paths``, ``corners``, ``signals``, ``parts``, ``fls``."""
         from flexarm_ros.api.pictures import plot
 
         return plot(self, kind=kind)

@@ -24,12 +24,13 @@ import subprocess
 import sys
 import warnings
 
+from flexarm_ros import scenario
 from flexarm_ros.analysis.figures import runs as figures
 from flexarm_ros.analysis.figures.corners import corner_figure
 from flexarm_ros.analysis.figures.fls import fls_figure, lambda_grid
 from flexarm_ros.analysis.figures.paper import paper_figures
 from flexarm_ros.analysis.figures.paths import path_figure
-from flexarm_ros.analysis.figures.runs import signal_figure, write_figures
+from flexarm_ros.analysis.figures.runs import part_figure, signal_figure, write_figures
 from flexarm_ros.analysis.figures.style import Panel, panels, styles
 from flexarm_ros.analysis.palette import color
 from flexarm_ros.analysis.report.runs import load_run, RunError
@@ -109,6 +110,69 @@ def test_equal_runs_give_equal_files(runs: Path, tmp_path: Path) -> None:
     ]
     digests = [[hashlib.sha256(path.read_bytes()).hexdigest() for path in some] for some in both]
     assert digests[0] == digests[1]
+
+
+RIG = (
+    ('strain_gauge.output=angle', ('strain1, rad', 'strain2, rad')),
+    ('strain_gauge.output=deflection', ('strain1, m', 'strain2, m')),
+    ('strain_gauge.gain=[1.0,0.001]', ('strain1, 1/m', 'strain2, m/m')),
+    ('imu.rate=0.0', ('imu_gyro_z, rad/s', 'imu_accel_x, m/s^2', 'imu_accel_y, m/s^2')),
+    ('actuator.latency=0.0', ('applied1, N m', 'applied2, N m')),
+    (
+        'disturbance.force_times=[0.0] disturbance.force_x=[1.0] disturbance.force_y=[0.0]',
+        ('force_x, N', 'force_y, N'),
+    ),
+)
+"""Keys of an optional part's section, the labels of its panels."""
+
+
+@pytest.mark.parametrize(('keys', 'labels'), RIG, ids=[keys.split()[0] for keys, _ in RIG])
+def test_an_optional_part_has_panels_with_units(
+    keys: str, labels: tuple[str, ...], tmp_path: Path
+) -> None:
+    run = load_run(fly(tmp_path / 'run', 'pd_tip', 'duration=0.05', *keys.split()))
+    axes = part_figure(panels([run])[0]).axes
+    assert tuple(axis.get_ylabel() for axis in axes) == labels
+    for axis, label in zip(axes, labels, strict=True):
+        (curve,) = axis.get_lines()
+        assert np.array_equal(curve.get_ydata(), run.columns[label.split(',')[0]])
+
+
+def test_optional_parts_are_drawn_for_the_runs_that_have_them(runs: Path, tmp_path: Path) -> None:
+    """Of two runs with one case only that with gauges has curves and an entry in the legend."""
+    with_gauges = fly(tmp_path / 'gauges', 'pd_tip', *SHORT, 'strain_gauge.noise_std=1e-6')
+    both = write_figures([with_gauges, runs / 'pd_tip'], tmp_path / 'both')
+    assert names(both) == pairs('paths', 'corners', 'signals', 'parts')
+    assert 'parts.png' not in names(write_figures([runs / 'pd_tip'], tmp_path / 'plain'))
+    figure = part_figure(panels([load_run(with_gauges), load_run(runs / 'pd_tip')])[0])
+    curves = [axis.get_legend_handles_labels()[1] for axis in figure.axes]
+    assert [len(texts) for texts in curves] == [1, 1]
+    (entry,) = figure.axes[-1].get_legend().get_texts()
+    assert curves == [[entry.get_text()]] * 2
+
+
+def test_the_columns_of_an_external_part_have_their_units(tmp_path: Path) -> None:
+    """Its section is not in the summary; of gauges it has what the units depend on."""
+    directory = tmp_path / 'run'
+    keys = ('strain_gauge.output=angle', 'strain_gauge.noise_std=1e-6', 'imu.rate=0.0')
+    config = scenario.load('pd_tip', ['duration=0.05', *keys])
+    held = scenario.to_dict(config, external=('imu', 'strain_gauge'))
+    assert 'imu' not in held and set(held['strain_gauge']) == {'location', 'output', 'gain'}
+    fly(directory, 'pd_tip', 'duration=0.05', *keys)
+    edit_summary(directory, lambda s: s.update(scenario=held, external=['imu', 'strain_gauge']))
+    labels = list(load_run(directory).optional())
+    assert labels[:3] == ['strain1, rad', 'strain2, rad', 'imu_gyro_z, rad/s']
+
+
+def test_a_column_that_no_part_declares_is_drawn_without_a_unit(tmp_path: Path) -> None:
+    """As of a run with a plug-in that is not installed; its name need not be mathematical text."""
+    directory = fly(tmp_path / 'run', 'pd_tip', 'duration=0.05', 'imu.rate=0.0')
+    edit_summary(directory, lambda summary: summary['scenario'].update(a_plug_in={'gain': 1.0}))
+    path = directory / 'trajectory.csv'
+    path.write_text(path.read_text('ascii').replace('imu_gyro_z', '$_{'), 'ascii')
+    assert 'parts.png' in names(write_figures([directory], tmp_path / 'out'))
+    figure = part_figure(panels([load_run(directory)])[0])
+    assert [axis.get_ylabel() for axis in figure.axes] == ['$_{', 'imu_accel_x', 'imu_accel_y']
 
 
 def test_several_runs_are_grouped_as_in_the_paper(

@@ -25,6 +25,7 @@ from typing import Any, ClassVar
 
 import flexarm_ros as fa
 from flexarm_ros import cli, scenario
+from flexarm_ros.analysis.report.runs import load_run
 from flexarm_ros.bag.checks.digest import digest_of as digest
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.parameters.changes import Change
@@ -133,6 +134,8 @@ def test_in_every_command_without_nodes(
     assert cli.main(['verify', str(out), '--without', 'imu']) == 2
     assert 'no part imu: controller, encoder, plant, strain_probe' in capsys.readouterr().err
     assert cli.main(['report', str(out), '--out', str(tmp_path / 'page')]) == 0
+    assert (tmp_path / 'page' / 'parts.svg').exists()
+    assert list(load_run(out).optional()) == ['strain1, m/m', 'strain2, m/m']
     assert cli.main(['export', str(out), '--out', str(tmp_path / 'rows')]) == 0
     rows = (tmp_path / 'rows' / 'strain_probe_strain.csv').read_text().splitlines()
     assert rows[0] == 'tick,stamp_ns,position.link1,position.link2'

@@ -21,9 +21,9 @@ state.  Equal runs and equal versions give equal files.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.analysis.figures.corners import corner_figure
 from flexarm_ros.analysis.figures.paths import path_figure
@@ -53,8 +53,9 @@ def write_figures(run_dirs: Sequence[Path | ReportedRun], out: Path) -> list[Pat
     Draw one run, or several overlaid, into ``out`` and return the files.
 
     ``paths``, ``corners`` (changes of the reference's direction), ``signals``
-    (``signals_LAW_PLACE`` for each group of several), for the fuzzy law ``fls``, and with runs
-    of both laws ``figure_N`` for each figure of the paper that they show; each as PNG and SVG.
+    (``signals_LAW_PLACE`` for each group of several), ``parts`` (``parts_LAW_PLACE``) if runs have
+    columns of optional parts, for the fuzzy law ``fls``, and with runs of both laws ``figure_N``
+    for each figure of the paper that they show; each as PNG and SVG.
     Raises ``RunError`` if a directory is not a run.
     """
     runs = load_runs(run_dirs)
@@ -65,8 +66,10 @@ def write_figures(run_dirs: Sequence[Path | ReportedRun], out: Path) -> list[Pat
         if any(run.switches() for run in runs):
             written += save(corner_figure(groups), out, 'corners')
         for group in groups:
-            stem = 'signals' if len(groups) == 1 else f'signals_{group.slug}'
-            written += save(signal_figure(group), out, stem)
+            suffix = '' if len(groups) == 1 else f'_{group.slug}'
+            written += save(signal_figure(group), out, f'signals{suffix}')
+            if any(run.optional() for run in group.runs):
+                written += save(part_figure(group), out, f'parts{suffix}')
         if any(run.law == 'fls' for run in runs):
             from flexarm_ros.analysis.figures.fls import fls_figure
 
@@ -91,18 +94,40 @@ def signal_figure(group: Panel) -> Figure:
     ]
     if any(np.isfinite(run.columns['lambda']).any() for run in group.runs):
         rows.append((r'gain $\lambda$', lambda run: run.columns['lambda']))
-    figure = new_figure(7.4, 1.35 * len(rows) + 0.9)
-    axes = figure.subplots(len(rows), 1, sharex=True)
-    for axis, (name, values) in zip(axes, rows, strict=True):
+    return _over_time(group, lambda run: {name: values(run) for name, values in rows})
+
+
+def part_figure(group: Panel) -> Figure:
+    """Return the columns of optional parts over time, the runs of a group overlaid."""
+    return _over_time(group, ReportedRun.optional, parse_math=False)
+
+
+def _over_time(
+    group: Panel,
+    signals: Callable[[ReportedRun], Mapping[str, FloatArray]],
+    **label_options: Any,
+) -> Figure:
+    """Return a panel for each label that ``signals`` of a run has values for."""
+    drawn = [(run, style, label, signals(run)) for run, style, label in styled(group)]
+    names = list(dict.fromkeys(name for *_, held in drawn for name in held))
+    figure = new_figure(7.4, 1.35 * len(names) + 0.9)
+    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, name in zip(axes, names, strict=True):
         for time in group_switches(group):
             axis.axvline(time, color=GREY, linewidth=0.7, linestyle=':')
-        for run, style, label in styled(group):
-            line(axis, run.columns['t'], values(run), style, label)
-        axis.set_ylabel(name)
+        for run, style, label, held in drawn:
+            if name in held:
+                line(axis, run.columns['t'], held[name], style, label)
+        axis.set_ylabel(name, **label_options)
     axes[-1].set_xlabel('time, s  (dotted: the reference switches its direction)')
     axes[0].set_title(panel_title(group))
     figure.align_ylabels(axes)
-    if len(group.runs) > 1:
-        columns = 3 if max(len(label) for _, _, label in styled(group)) < 24 else 1
-        legend_below(axes[-1], ncols=columns, inches=0.42)
+    if len(drawn) > 1:
+        columns = 3 if max(len(label) for _, _, label, _ in drawn) < 24 else 1
+        handles = {
+            text: item
+            for axis in axes
+            for item, text in zip(*axis.get_legend_handles_labels(), strict=True)
+        }
+        legend_below(axes[-1], handles.values(), handles.keys(), ncols=columns, inches=0.42)
     return figure

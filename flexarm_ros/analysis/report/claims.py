@@ -110,11 +110,8 @@ def _case(run: ReportedRun, shipped: Mapping[RunConfig, str]) -> str | None:
     """Return the name of the shipped case whose scenario the run has unchanged, if any."""
     if run.summary.get('changes'):
         return None
-    try:
-        config = scenario.from_dict({section: {**keys} for section, keys in run.scenario.items()})
-    except (scenario.ScenarioError, TypeError, ValueError):
-        return None
-    return shipped.get(_numbers(config))
+    config = run.config
+    return None if config is None else shipped.get(_numbers(config))
 
 
 def _numbers(config: RunConfig) -> RunConfig:

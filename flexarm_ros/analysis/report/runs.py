@@ -22,9 +22,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+from flexarm_ros import scenario
 from flexarm_ros.core.arm.kinematics import round_off
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import columns
 from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
 import numpy as np
 
@@ -127,6 +129,31 @@ class ReportedRun:
     def value(self, section: str, key: str) -> Any:
         """Return a parameter of the scenario, ``None`` if unknown."""
         return self.scenario.get(section, {}).get(key)
+
+    @property
+    def config(self) -> RunConfig | None:
+        """Return the scenario, ``None`` if it is invalid here, as without a plug-in of the run."""
+        # A summary has no section of an external node whose keys no other part reads.
+        sections: dict[str, Any] = {role: {} for role in self.external}
+        sections |= {name: {**keys} for name, keys in self.scenario.items()}
+        try:
+            return scenario.from_dict(sections)
+        except (scenario.ScenarioError, TypeError, ValueError):
+            return None
+
+    def optional(self) -> dict[str, FloatArray]:
+        """
+        Return the columns of optional parts that have values: name with unit -> ``(rows,)``.
+
+        The parts declare the units; a column that none of them declares has none.
+        """
+        config = self.config
+        units = {} if config is None else {column.name: column.unit for column in columns(config)}
+        return {
+            ', '.join(filter(None, (name, units.get(name)))): values
+            for name, values in self.columns.items()
+            if name not in COLUMNS and np.isfinite(values).any()
+        }
 
     def switches(self) -> list[float]:
         """Return the times, s, at which the reference changes its direction of motion."""

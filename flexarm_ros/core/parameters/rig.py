@@ -61,6 +61,15 @@ class StrainGaugeParameters(ChannelParameters):
         'the unit of output', low=0.0, high=1e6, live=True,
     )  # fmt: skip
 
+    def unit(self, link: int) -> str:
+        """
+        Return the unit of a reading of ``link`` (0 or 1).
+
+        With output ``strain`` a gain other than 1 is taken as a distance, m: see ``gain``.
+        """
+        curvature = '1/m' if self.gain[link] == 1.0 else 'm/m'
+        return {'strain': curvature, 'deflection': 'm', 'angle': 'rad'}[self.output]
+
     def deflection_per_curvature(self, link: int, length: float) -> float:
         """
         Return the end deflection per curvature at the gauge, m^2, of a link bent by an end force.

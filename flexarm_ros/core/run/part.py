@@ -34,11 +34,16 @@ REFERENCE, COMMAND = 'reference', 'joint_command'
 
 
 class Column(NamedTuple):
-    """A column of ``trajectory.csv``: value ``place`` of the message on ``topic``."""
+    """
+    A column of ``trajectory.csv``: value ``place`` of the message on ``topic``.
+
+    ``unit``, as ``m/s^2``, is for the labels of figures; empty: none.
+    """
 
     name: str
     topic: str
     place: int
+    unit: str = ''
 
 
 class Part:

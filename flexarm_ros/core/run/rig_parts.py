@@ -55,7 +55,7 @@ class ActuatorPart(Answer):
     @classmethod
     def columns(cls, config: RunConfig) -> tuple[Column, ...]:
         """Return the applied torques."""
-        return tuple(Column(f'applied{i + 1}', ACTUATOR_TORQUE, i) for i in (0, 1))
+        return tuple(Column(f'applied{i + 1}', ACTUATOR_TORQUE, i, 'N m') for i in (0, 1))
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
@@ -136,7 +136,7 @@ class DisturbancePart(Answer):
     @classmethod
     def columns(cls, config: RunConfig) -> tuple[Column, ...]:
         """Return the force."""
-        return Column('force_x', WRENCH, 0), Column('force_y', WRENCH, 1)
+        return Column('force_x', WRENCH, 0, 'N'), Column('force_y', WRENCH, 1, 'N')
 
     @classmethod
     def check(cls, config: RunConfig) -> None:

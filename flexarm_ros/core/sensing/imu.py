@@ -66,8 +66,8 @@ class ImuPart(Sensor):
     @classmethod
     def columns(cls, config: RunConfig) -> tuple[Column, ...]:
         """Return the measurements as delivered."""
-        names = ('imu_gyro_z', 'imu_accel_x', 'imu_accel_y')
-        return tuple(Column(name, IMU, i) for i, name in enumerate(names))
+        units = {'imu_gyro_z': 'rad/s', 'imu_accel_x': 'm/s^2', 'imu_accel_y': 'm/s^2'}
+        return tuple(Column(name, IMU, i, unit) for i, (name, unit) in enumerate(units.items()))
 
     @classmethod
     def check(cls, config: RunConfig) -> None:

@@ -57,6 +57,7 @@ class StrainGaugePart(Sensor):
 
     NAME = 'strain_gauge'
     Parameters = StrainGaugeParameters
+    SHARED = ('location', 'output', 'gain')
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
@@ -66,7 +67,8 @@ class StrainGaugePart(Sensor):
     @classmethod
     def columns(cls, config: RunConfig) -> tuple[Column, ...]:
         """Return the readings as delivered."""
-        return Column('strain1', STRAIN, 0), Column('strain2', STRAIN, 1)
+        held = config.section(cls.NAME) or StrainGaugeParameters()
+        return tuple(Column(f'strain{i + 1}', STRAIN, i, held.unit(i)) for i in (0, 1))
 
     @classmethod
     def check(cls, config: RunConfig) -> None:

@@ -59,7 +59,7 @@ class StrainProbe(Sensor):
     @classmethod
     def columns(cls, config: RunConfig) -> tuple[Column, ...]:
         """Return the strain as delivered."""
-        return Column('strain1', TOPIC, 0), Column('strain2', TOPIC, 1)
+        return Column('strain1', TOPIC, 0, 'm/m'), Column('strain2', TOPIC, 1, 'm/m')
 
     def sample(self, k: int, state: State) -> Sequence[float]:
         """Return the end deflections, m."""
