@@ -39,7 +39,7 @@ PACKED = (
     't', 'theta1', 'theta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y', 'tip_x', 'tip_y',
     'rigid_x', 'rigid_y', 'meas_x', 'meas_y', 'ref_x', 'ref_y', 'tau1', 'tau2', 'lambda',
 )  # fmt: skip
-"""Columns of ``trajectory.csv`` that the page needs."""
+"""Columns of ``trajectory.csv`` that the page needs, beside those of optional parts."""
 
 ERRORS = ('error', 'tip_error')
 """Further columns, which the page could compute from the packed ones only to 1e-7 of the path."""
@@ -60,7 +60,8 @@ def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
     entries = []
     for run, label, style in zip(runs, labels(runs), styles(runs), strict=True):
         kept = select_rows(run, budget)
-        held = {name: run.columns[name] for name in PACKED}
+        optional = run.optional()
+        held = {**optional, **{name: run.columns[name] for name in PACKED}}
         held |= zip(ERRORS, (run.error(), run.tip_error()), strict=True)
         columns = {}
         for name, values in held.items():
@@ -77,6 +78,7 @@ def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
                 'lengths': list(run.lengths),
                 'switches': run.switches()[:MOST_SWITCHES],
                 'columns': columns,
+                'optional': list(optional),
             }
         )
     return {
@@ -124,7 +126,8 @@ def select_rows(run: ReportedRun, budget: int) -> NDArray[np.int64]:
     """
     if run.rows <= budget:
         return np.arange(run.rows)
-    table = np.stack([run.columns[name] for name in PACKED[1:]] + [run.error(), run.tip_error()])
+    shown = [run.columns[name] for name in PACKED[1:]] + [run.error(), run.tip_error()]
+    table = np.stack([*shown, *run.optional().values()])
     parts = budget
     while True:
         kept = _extremes(table, parts)

@@ -54,11 +54,13 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     runs = {case: fly(root / case, case, *SHORT) for case in CASES}
     runs['unstable'] = fly(root / 'unstable', 'pd_tip_physical')
     evil = fly(root / f'evil{EVIL.replace("/", "")}', 'fls_tip', *SHORT)
+    rig = fly(root / 'rig', 'fls_tip', *SHORT, 'strain_gauge.gain=[0.001,1.0]', 'imu.rate=0.0')
     edit_summary(evil, lambda s: s['scenario']['plant'].update({'basis': EVIL, EVIL: EVIL}))
     return {
         'three': write_report([runs[case] for case in CASES], root / 'three'),
         'unstable': write_report([runs['unstable'], runs['fls_tip']], root / 'both'),
         'evil': write_report([evil, runs['fls_tip']], root / 'evil'),
+        'parts': write_report([rig, runs['fls_tip']], root / 'parts'),
         'paper': write_report([fly(root / 'paper', 'fls_tip')], root / 'claims'),
     }
 
@@ -329,6 +331,25 @@ def test_series_can_be_chosen(page: Browser) -> None:
     assert page.js(titles)[0] == 'Joint angle θ₁, rad'
     page.js(choose.format('all'))
     page.until("document.querySelectorAll('#series .chart:not([hidden]) .frame').length === 11")
+
+
+def test_optional_parts_have_series_with_units(page: Browser, pages: dict[str, Path]) -> None:
+    """Only runs with such a section have a curve; where there is none, no choice either."""
+    assert page.js("document.getElementById('which-parts').hidden")
+    page.load(pages['parts'])
+    assert not page.js("document.getElementById('which-parts').hidden")
+    page.js(
+        "(() => { const s = document.getElementById('which'); s.value = 'parts';"
+        "s.dispatchEvent(new Event('change')); })()"
+    )
+    drawn = '#series .chart:not([hidden])'
+    page.until(f"document.querySelectorAll('{drawn} .frame').length === 5")
+    titles = f"[...document.querySelectorAll('{drawn} .title')].map((t) => t.textContent)"
+    assert page.js(titles) == [
+        'strain1, m/m', 'strain2, 1/m', 'imu_gyro_z, rad/s', 'imu_accel_x, m/s^2',
+        'imu_accel_y, m/s^2',
+    ]  # fmt: skip
+    assert page.js(f"document.querySelectorAll('{drawn} path.series').length") == 5
 
 
 def test_the_surface_turns_and_shows_its_middle(page: Browser) -> None:

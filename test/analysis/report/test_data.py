@@ -81,12 +81,13 @@ def test_a_run_that_fits_is_whole() -> None:
 def test_a_long_run_keeps_its_ends_and_the_peaks_of_everything(rows: int, budget: int) -> None:
     spike = np.zeros(rows)
     spike[rows // 3] = 1.0
-    run = run_of(rows, **{'lambda': np.full(rows, np.nan), 'delta1': spike})
+    other = np.roll(spike, 7)
+    run = run_of(rows, **{'lambda': np.full(rows, np.nan), 'delta1': spike, 'force_x': other})
     kept = select_rows(run, budget)
     assert len(kept) <= budget and (np.diff(kept) > 0).all()
     assert kept[0] == 0 and kept[-1] == rows - 1
     assert rows // 3 in kept
-    for name in PACKED[1:]:
+    for name in (*PACKED[1:], 'force_x'):
         values = run.columns[name]
         if np.isnan(values).all():
             continue

@@ -12,9 +12,10 @@ const SERIES = [
   ["tau1", "Torque τ₁, N m", "main"], ["tau2", "Torque τ₂, N m", "main"], ["lambda", "Gain λ", "main"],
   ["theta1", "Joint angle θ₁, rad", "angles"], ["theta2", "Joint angle θ₂, rad", "angles"],
   ["meas_x", "Measured x, m", "angles"], ["meas_y", "Measured y, m", "angles"],
+  ...[...new Set(runs.flatMap((run) => run.optional))].map((name) => [name, name, "parts"]),
 ];
 const VALUES = [["error", "error, m"], ["tip_error", "tip error, m"], ["delta1", "δ₁, m"], ["delta2", "δ₂, m"], ["tau1", "τ₁, N m"], ["tau2", "τ₂, N m"], ["lambda", "λ"], ["rigid_x", "x, m"], ["rigid_y", "y, m"]];
-const known = (name) => runs.some((run) => run.c[name].some(isFinite));
+const known = (name) => runs.some((run) => name in run.c && run.c[name].some(isFinite));
 const switches = runs.reduce((most, run) => (run.switches.length > most.length ? run.switches : most), []);
 let timeView = null;
 
@@ -71,7 +72,7 @@ const series = SERIES.filter(([name]) => known(name)).map(([name, label, group])
   const box = html("div", null, byId("series"), "chart");
   const chart = new Chart(box, {
     label: label + " over time", xLabel: "time, s", yLabel: label, paperWidth: 700, height: (w) => (w < 480 ? 170 : 190),
-    curves: () => layered().map((run) => ({ run, x: run.c.t, y: run.c[name] })),
+    curves: () => layered().filter((run) => name in run.c).map((run) => ({ run, x: run.c.t, y: run.c[name] })),
     marks: () => switches,
     overlay: (c, g) => svg("line", { class: "cursor", x1: c.px(state.time), x2: c.px(state.time), y1: c.plot.y, y2: c.plot.y + c.plot.h }, g),
     onSeek: (x) => setTime(x),
@@ -79,7 +80,7 @@ const series = SERIES.filter(([name]) => known(name)).map(([name, label, group])
     values: (x) => {
       const time = Math.min(endTime, Math.max(0, x));
       const lines = [{ text: `t = ${time.toFixed(3)} s` }];
-      for (const run of shown()) if (run.c.t.length && time <= run.end + 1e-9) lines.push({ run, text: `${show(run.c[name][rowAt(run, time)])}  ${run.label}` });
+      for (const run of shown()) if (name in run.c && run.c.t.length && time <= run.end + 1e-9) lines.push({ run, text: `${show(run.c[name][rowAt(run, time)])}  ${run.label}` });
       return lines;
     },
   });
@@ -270,6 +271,7 @@ function connect() {
 }
 
 document.querySelectorAll(".scroll").forEach(cue);
+byId("which-parts").hidden = !series.some(({ group }) => group === "parts");
 document.querySelector(".motion").classList.toggle("many", runs.length > 3);
 buildRuns();
 buildValues();
