@@ -117,6 +117,13 @@ def test_a_run_shows_itself(run: fa.Run) -> None:
     assert 'rms_error' in run._repr_html_()
 
 
+def test_optional_parts_are_plotted_where_a_run_has_them(run: fa.Run) -> None:
+    with pytest.raises(ValueError, match='no optional part of the runs has a column'):
+        run.plot('parts')
+    figure = fa.simulate('pd_tip', duration=0.02, imu={'rate': 0.0}).plot('parts')
+    assert [axis.get_ylabel() for axis in figure.axes][0] == 'imu_gyro_z, rad/s'
+
+
 @pytest.mark.parametrize('kind', ['paths', 'signals', 'fls'])
 def test_plots(run: fa.Run, kind: str) -> None:
     figure = run.plot(kind)

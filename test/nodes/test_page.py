@@ -119,6 +119,27 @@ def test_a_recording_without_losses_has_none(recorded: Path) -> None:
     assert all(share == 0.0 for share in shares[5:])
 
 
+def test_strain_gauges_have_a_plot_where_a_run_has_them(
+    browser: Browser, recorded: Path, tmp_path: Path
+) -> None:
+    config = scenario.load('pd_tip', ['duration=0.2', 'strain_gauge.output=angle'])
+    simulate(config, tmp_path / 'run', 'pd_tip')
+    titles = "[...document.querySelectorAll('.u-title')].map((t) => t.textContent)"
+    shown = []
+    for run in (tmp_path / 'run', recorded):
+        data = recording(run)
+        page = PageServer('127.0.0.1', 0, lambda _: '', data)
+        page.feed.put('hello', data['hello'])
+        try:
+            opened(browser, page.address)
+            browser.until("document.querySelectorAll('.u-title').length > 0")
+            shown.append([text for text in browser.js(titles) if 'strain' in text])
+        finally:
+            page.close()
+        assert ('strain1' in data['frames'][-1]) is (run != recorded)
+    assert shown == [['strain gauges, rad'], []]
+
+
 def test_the_server_answers_this_machine_only(server: PageServer) -> None:
     assert answer(server)[0] == 200
     assert answer(server, Host='localhost:80')[0] == 200

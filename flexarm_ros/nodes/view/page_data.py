@@ -28,6 +28,8 @@ from flexarm_ros.core.parameters.sections import (
     values_of,
 )
 from flexarm_ros.core.parameters.spec import Spec
+from flexarm_ros.core.run.parts import columns
+from flexarm_ros.core.sensing.strain_gauge import STRAIN
 from flexarm_ros.nodes.view.scene import Frame, Point, Scene
 from flexarm_ros.wire.topics import TIP
 
@@ -42,7 +44,8 @@ def described(config: RunConfig, live: bool = True) -> dict[str, Any]:
     """
     Return the event ``hello`` of a run.
 
-    ``live``: with the parameters that may change while running.
+    ``strain``: the unit of the strain gauges, empty without them.  ``live``: with the parameters
+    that may change while running.
     """
     plant = config.plant
     return {
@@ -50,6 +53,7 @@ def described(config: RunConfig, live: bool = True) -> dict[str, Any]:
         'feedback': config.controller.feedback,
         'length': list(plant.length),
         'period': config.run.control_period,
+        'strain': ' and '.join({c.unit: 0 for c in columns(config) if c.topic == STRAIN}),
         'parameters': list(live_parameters(config)) if live else [],
         'recorded': not live,
     }
@@ -92,6 +96,7 @@ def sent(frame: Frame, scene: Scene, state: str = '') -> dict[str, Any]:
         'held': scene.held_share(),
         'state': state,
         **frame.numbers(),
+        **scene.strain(),
     }
 
 

@@ -95,7 +95,7 @@ class Scene:
     def __init__(self, config: RunConfig, trail: int = 600) -> None:
         self.config = self._initial = config
         topics, self._scales = per_tick_topics(config), deflection_scales(config)
-        gauges = [i for i, t in enumerate(topics) if t.name == STRAIN] if self._scales else []
+        gauges = [i for i, t in enumerate(topics) if t.name == STRAIN]
         self.topics: dict[int, Topic] = {i: topics[i] for i in (*SHOWN, *gauges)}
         self._gauges = gauges[0] if gauges else None
         self._line = ArmLine(config.plant)
@@ -132,6 +132,13 @@ class Scene:
     def age_s(self) -> float | None:
         """Return the age of the tip sensor's newest measurement, s; None before the first."""
         return None if self._sensed_ns is None else (self._stamp_ns - self._sensed_ns) * 1e-9
+
+    def strain(self) -> dict[str, float | None]:
+        """Return the gauges' newest readings by name, None before the first; {} without gauges."""
+        if self._gauges is None:
+            return {}
+        readings = zip(('strain1', 'strain2'), self._pair(self._gauges), strict=True)
+        return {name: value if math.isfinite(value) else None for name, value in readings}
 
     def held_share(self) -> float | None:
         """

@@ -7,6 +7,7 @@ const PLOTS = [
   { title: "tip error, m", series: [["error", "tip_error", "--law"]] },
   { title: "deflections, m", series: [["link 1", "delta1", "--green"], ["link 2", "delta2", "--purple"]] },
   { title: "torque, N m", series: [["joint 1", "tau1", "--green"], ["joint 2", "tau2", "--purple"]] },
+  { title: "strain gauges", series: [["link 1", "strain1", "--green"], ["link 2", "strain2", "--purple"]] },
   { title: "fuzzy gain lambda", series: [["lambda", "lambda", "--law"]] },
   { title: "age of the newest tip measurement, ms", series: [["age", "age_ms", "--amber"]] },
   { title: "ticks without a new tip measurement (lost, late or not due), %", series: [["held", "held_percent", "--amber"]] },
@@ -62,13 +63,14 @@ function drawArm() {
 function makePlots() {
   const box = byId("plots");
   box.textContent = "";
-  view.plots = PLOTS.filter((p) => p.series[0][1] !== "lambda" || view.frames.some((f) => f.lambda !== null)).map((plot) => {
+  const there = { lambda: view.frames.some((f) => f.lambda !== null), strain1: !!(view.hello && view.hello.strain) };
+  view.plots = PLOTS.filter((p) => there[p.series[0][1]] ?? true).map((plot) => {
     const div = document.createElement("div");
     div.className = "plot";
     box.appendChild(div);
     const axis = { stroke: color("--soft"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line"), width: 1 } };
     const options = {
-      title: plot.title, width: div.clientWidth || 300, height: 120, cursor: { drag: { x: true, y: false }, sync: { key: "time" } },
+      title: plot.title + (plot.series[0][1] === "strain1" ? ", " + view.hello.strain : ""), width: div.clientWidth || 300, height: 120, cursor: { drag: { x: true, y: false }, sync: { key: "time" } },
       scales: { x: { time: false } }, legend: { live: true },
       axes: [{ ...axis, size: 28 }, { ...axis, size: 62 }],
       series: [{ label: "t, s" }, ...plot.series.map(([label, , name]) => ({ label, stroke: color(name), width: 1.5, spanGaps: false }))],
@@ -200,6 +202,7 @@ function greet(hello) {
   document.documentElement.dataset.law = hello.law;
   byId("run").textContent = hello.law ? `law ${hello.law}, feedback ${hello.feedback}` : "no run yet";
   if (hello.recorded && !view.recorded) startRecorded();
+  if (before && before.strain !== hello.strain) view.plots = [];
   if (before && before.law !== hello.law) { byId("main-parameters").textContent = ""; byId("more-parameters").textContent = ""; view.frames.length = 0; view.plots = []; }
   showParameters();
 }
