@@ -129,7 +129,7 @@ class Run:
 
         frame = pandas.DataFrame({name: self.trajectory[name] for name in self.columns[1:]})
         frame.index = pandas.Index(self.trajectory['t'], name='t')
-        frame.attrs = {'name': self.name, 'units': {name: unit_of(name) for name in self.columns}}
+        frame.attrs = {'name': self.name, 'units': self._units()}
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
@@ -137,8 +137,10 @@ class Run:
         with extra('xarray'):
             import xarray
 
+        units = self._units()
+
         def described(name: str) -> tuple[str, FloatArray, dict[str, str]]:
-            notes = {'units': unit_of(name), 'long_name': MEANINGS.get(name, name)}
+            notes = {'units': units[name], 'long_name': MEANINGS.get(name, name)}
             return 't', self.trajectory[name].copy(), notes
 
         return xarray.Dataset(
@@ -146,6 +148,13 @@ class Run:
             coords={'t': described('t')},
             attrs={'name': self.name, 'stable': str(self.stable)},
         )
+
+    def _units(self) -> dict[str, str]:
+        """Return the unit of each column, those that optional parts declare included."""
+        from flexarm_ros.analysis.report.runs import ReportedRun
+
+        declared = ReportedRun(Path(self.name), {}, self.summary, self.scenario).units()
+        return {name: declared.get(name) or unit_of(name) for name in self.columns}
 
     def plot(self, kind: str = 'paths') -> Figure:
         """Return a matplotlib figure: ``paths``, ``corners``, ``signals``, ``parts``, ``fls``."""

@@ -112,6 +112,14 @@ def test_forms_of_the_rows(run: fa.Run) -> None:
         run.trajectory['t'][0] = 1.0
 
 
+def test_columns_of_optional_parts_have_their_units() -> None:
+    for library in ('pandas', 'xarray'):
+        pytest.importorskip(library, reason="pip install 'flexarm_ros[notebook]'")
+    run = fa.simulate('pd_tip', duration=0.02, imu={'rate': 0.0})
+    assert run.to_pandas().attrs['units']['imu_gyro_z'] == 'rad/s'
+    assert run.to_xarray()['imu_accel_x'].attrs['units'] == 'm/s^2'
+
+
 def test_a_run_shows_itself(run: fa.Run) -> None:
     assert repr(run).startswith('<Run fls_tip: 300 ticks, stable=True, rms_error=0.')
     assert 'rms_error' in run._repr_html_()

@@ -141,14 +141,18 @@ class ReportedRun:
         except (scenario.ScenarioError, TypeError, ValueError):
             return None
 
+    def units(self) -> dict[str, str]:
+        """Return the units that optional parts declare with their columns, by column."""
+        config = self.config
+        return {} if config is None else {column.name: column.unit for column in columns(config)}
+
     def optional(self) -> dict[str, FloatArray]:
         """
         Return the columns of optional parts that have values: name with unit -> ``(rows,)``.
 
         The parts declare the units; a column that none of them declares has none.
         """
-        config = self.config
-        units = {} if config is None else {column.name: column.unit for column in columns(config)}
+        units = self.units()
         return {
             ', '.join(filter(None, (name, units.get(name)))): values
             for name, values in self.columns.items()
