@@ -32,7 +32,7 @@ from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.results.real_time import RunTiming
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.cdr import FloatArray
-from flexarm_ros.wire.topics import COMMAND, TIMING, Topic
+from flexarm_ros.wire.topics import TIMING, Topic, torque_place
 import numpy as np
 
 FILE = 'timing.csv'
@@ -46,14 +46,15 @@ class TimingLog:
         self._timeline = Timeline.of(config.run)
         names = [topic.name for topic in topics]
         self._place = names.index(TIMING) if TIMING in names else None
+        self._torque = torque_place(topics) if TIMING in names else None
         self._rows: list[FloatArray] = []
 
     def watch(self, blocks: Iterable[Block]) -> Iterator[Block]:
         """Yield the blocks, and keep the times in them."""
         first, period = self._timeline.stamp_ns(0), self._timeline.period_ns
         for block in blocks:
-            if self._place is not None:
-                times, stamps = block.values[self._place], block.stamps[COMMAND]
+            if self._place is not None and self._torque is not None:
+                times, stamps = block.values[self._place], block.stamps[self._torque]
                 answers = np.where(stamps > 0, (stamps - first) // period, -1)
                 ticks = np.arange(block.first, block.first + len(block))
                 seconds = ticks * period / 1e9

@@ -37,7 +37,7 @@ from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.wire.topics import APPLIED, applied, TIMING, Topic
+from flexarm_ros.wire.topics import applied, TIMING, Topic
 
 RECORDER_WINDOW = 256
 """Maximum number of ticks ahead of the recorder, well below the queue depth of the topics."""
@@ -77,7 +77,7 @@ class PlantNode(Participant):
             self.control.rtf = 1.0
 
     def make_endpoints(self) -> None:
-        """Create the endpoints; a free-running run has one more, for the held commands."""
+        """Create the endpoints; a free-running run has more, for what was held."""
         super().make_endpoints()
         for topic in self.inputs.copy().values():
             name = topic.topic.recorded_from
@@ -85,7 +85,7 @@ class PlantNode(Participant):
                 self.outputs[name] = Output(self, applied(topic.topic))
 
     def make_input(self, topic: Topic) -> Input:
-        """Return the input of the torques; that of a free-running run takes the newest."""
+        """Return the input of a topic; that of a free-running run takes the newest."""
         kind = CommandInput if topic.recorded_from else Input
         return kind(self, topic, self.invalid_message)
 
@@ -107,13 +107,16 @@ class PlantNode(Participant):
         self._reported_hold = False
 
     def _free_run(self) -> FreeRun | None:
-        if not isinstance(self._command, CommandInput):
+        inputs = [entry for entry in self._read if isinstance(entry, CommandInput)]
+        if not inputs:
             return None
         self._window = RECORDER_WINDOW_FREE
+        outputs = [self.outputs[entry.topic.recorded_from] for entry in inputs]
+        for entry, output in zip(inputs, outputs, strict=True):
+            output.configure(applied(entry.topic), self.timeline)
         return FreeRun(
-            self.config.plant, self.timeline, self.control, self._command,
-            self.outputs[APPLIED], self.outputs[TIMING],
-        )  # fmt: skip
+            self.config.plant, self.timeline, self.control, inputs, outputs, self.outputs[TIMING]
+        )
 
     def warm_up(self) -> None:
         """Integrate one step of a copy."""
@@ -155,7 +158,7 @@ class PlantNode(Participant):
                 self.tick += 1
                 self._finish()
                 return False
-            if not self._integrate(self._command.values):
+            if not self._integrate([entry.values for entry in self._read]):
                 return False
         if self._held(self.tick):
             return answered
@@ -163,24 +166,28 @@ class PlantNode(Participant):
         self._sent = True
         return True
 
-    def _integrate(self, torque: Sequence[float]) -> bool:
-        """Integrate to the next tick with constant torque; False if the arm is unstable there."""
-        trouble = self._step(torque)
+    def _integrate(self, held: Sequence[Sequence[float]]) -> bool:
+        """Integrate to the next tick with constant inputs; False if the arm is unstable there."""
+        trouble = self._step(held)
         if trouble:
             self._end_unstable(trouble)
             return False
         self.tick += 1
         return True
 
-    def _step(self, torque: Sequence[float]) -> str:
-        """Integrate over a tick; return the reason of instability after it, empty if stable."""
-        if len(self._read) > 1:
-            self.plant.disturb(self.tick, *self._read[1].values)
-        self.plant.step(*torque)
+    def _step(self, held: Sequence[Sequence[float]]) -> str:
+        """
+        Integrate over a tick with torque and force; return the reason of instability after it.
+
+        Empty if the arm is stable.
+        """
+        if len(held) > 1:
+            self.plant.disturb(self.tick, *held[1])
+        self.plant.step(*held[0])
         return instability(self.plant) or ''
 
     def _advance_free(self, free: FreeRun) -> bool:
-        """Begin the next tick if it is due, with the newest torque held over the last one."""
+        """Begin the next tick if it is due, with the newest inputs held over the last one."""
         if self._sent:
             free.poll(self.tick)
         if self._held(self._following):
@@ -193,16 +200,16 @@ class PlantNode(Participant):
             self._send()
             self._sent = True
         else:
-            torque = free.end(self.tick, now)
+            held = free.end(self.tick, now)
             last = self._following == self.timeline.ticks
-            trouble = '' if last else self._step(torque)
+            trouble = '' if last else self._step(held)
             if trouble or last:
-                free.tell(self.tick, torque)
+                free.tell(self.tick, held)
                 self._end_free(trouble)
                 return False
             self.tick += 1
             self._send()  # messages that other nodes wait for come first
-            free.tell(self.tick - 1, torque)
+            free.tell(self.tick - 1, held)
         free.begin(self.tick, now)
         return True
 

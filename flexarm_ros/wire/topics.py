@@ -16,7 +16,7 @@
 The topics of a run: names, types, quality of service and canonical order.
 
 Each of these topics carries exactly one message at every tick, except ``/clock``, which depends
-on ``/**.clock_rate``, and ``joint_command`` of a free-running run.  The topics follow from the
+on ``/**.clock_rate``, and what the plant reads in a free-running run.  The topics follow from the
 scenario's parts (`flexarm_ros.core.run.parts`).
 The order of ``per_tick_topics`` is the order of the messages of one tick in a bag; it follows
 the data flow: clock, state, measurements and reference, torque; then what optional parts publish.
@@ -24,6 +24,7 @@ the data flow: clock, state, measurements and reference, torque; then what optio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
@@ -109,8 +110,12 @@ class Topic:
         return self.codec.type_name
 
 
-APPLIED = 'plant/applied_command'
-"""In a free-running run: the command that the plant has held, recorded as ``joint_command``."""
+APPLIED = ('plant/applied_command', 'plant/applied_wrench')
+"""In a free-running run: what the plant has held of each topic that it reads, in their order.
+
+It is recorded in place of that topic: ``joint_command`` or, with drives, ``actuator/torque``; the
+wrench.
+"""
 
 TIMING = 'plant/timing'
 """In a free-running run: the wall times `TIMES` of each tick."""
@@ -126,21 +131,32 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     """
     Return the topics of a run in canonical order.
 
-    In a free-running one the message of a tick on ``joint_command`` is the command that the plant
+    In a free-running one the message of a tick on a topic that the plant reads is what the plant
     held, with the stamp of the tick that it answers, and the times of each tick come last.
     """
     topics = _lockstep_topics(config)
     if config.run.sync != 'free':
         return topics
-    held = replace(topics[COMMAND], late=True, recorded_from=APPLIED)
+    held = dict(zip(parts.PlantPart.reads(config), APPLIED, strict=False))
     timing = Topic(TIMING, parts.PlantPart.NAME, JointStateCodec(TIMES, '', ('position',)))
-    return (*topics[:COMMAND], held, *topics[COMMAND + 1 :], timing)
+    return (
+        *(
+            replace(t, late=True, recorded_from=held[t.name]) if t.name in held else t
+            for t in topics
+        ),
+        timing,
+    )
 
 
-def applied(command: Topic) -> Topic:
-    """Return the topic on which the plant publishes the ``command`` that it held."""
-    name = command.recorded_from
-    return replace(command, name=name, node=parts.PlantPart.NAME, recorded_from='')
+def torque_place(topics: Sequence[Topic]) -> int:
+    """Return the index of the torque that the plant of a free-running run holds."""
+    return [topic.recorded_from for topic in topics].index(APPLIED[0])
+
+
+def applied(topic: Topic) -> Topic:
+    """Return the topic on which the plant publishes what it held of ``topic``."""
+    name = topic.recorded_from
+    return replace(topic, name=name, node=parts.PlantPart.NAME, recorded_from='')
 
 
 def _lockstep_topics(config: RunConfig) -> tuple[Topic, ...]:

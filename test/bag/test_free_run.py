@@ -15,10 +15,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
 from bagtools import small_config
+from flexarm_ros import scenario
 from flexarm_ros.analysis.report.page import render
 from flexarm_ros.analysis.report.runs import load_run, RunError
 from flexarm_ros.bag.checks.verify import verify
@@ -27,8 +29,10 @@ from flexarm_ros.bag.recording import finish_run
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.bag.timing import FILE, read_timing
 from flexarm_ros.cli import main
+from flexarm_ros.core.parameters.rig import DisturbanceParameters
+from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.results.real_time import KEYS
-from flexarm_ros.wire.topics import COMMAND
+from flexarm_ros.wire.topics import COMMAND, per_tick_topics
 from freetools import free_config, write_free
 import numpy as np
 import pytest
@@ -86,6 +90,58 @@ def test_the_plant_is_proved_by_the_command_that_it_held(tmp_path: Path) -> None
         lambda k, topic, data: data if topic != COMMAND or k != 30 else _of(prompt, k, topic),
     )  # fmt: skip
     assert 'plant' in verify(mixed).first
+
+
+@pytest.fixture(scope='module')
+def rig() -> RunConfig:
+    """Return the lab arm, pushed all the time, as a free-running run of 100 ticks."""
+    push = DisturbanceParameters(force_times=(0.0, 0.1), force_x=(0.0, 2.0), force_y=(1.0, 1.0))
+    lab = scenario.load('lab_arm', ['duration=0.1'])
+    further = sorted([*lab.further, ('disturbance', push)])
+    return free_config(replace(lab, further=tuple(further)))
+
+
+def test_drives_and_disturbances_are_proved_by_what_the_plant_held(
+    rig: RunConfig, tmp_path: Path
+) -> None:
+    directory = tmp_path / 'run'
+    verdict = verify(write_free(directory / 'bag', rig, now_and_then))
+    assert verdict.same, verdict.earliest
+    assert not any('missing' in note for note in verdict.notes)
+    named = ('controller', 'actuator', 'disturbance')
+    assert [verdict.compared[name] for name in named] == [100] * 3
+    finish_run(directory, rig, 'free')
+    timing = read_timing(directory)
+    assert timing is not None
+    # It counts what the drives send, the answer to the states that the controller answered.
+    np.testing.assert_array_equal(timing.answers[:4], [-1, -1, 0, 1])
+    assert timing.summary()['missed_commands'] > timing.summary()['held_commands'] > 0
+
+
+@pytest.mark.parametrize(
+    ('name', 'byte'),
+    [
+        ('actuator/torque', -9),
+        ('actuator/torque', 4),
+        ('disturbance/wrench', -41),
+        ('disturbance/wrench', 4),
+    ],
+    ids=['torque', 'stamp of the torque', 'force', 'stamp of the force'],
+)
+def test_what_was_not_computed_is_found_on_every_topic_that_the_plant_reads(
+    name: str, byte: int, rig: RunConfig, tmp_path: Path
+) -> None:
+    place = [topic.name for topic in per_tick_topics(rig)].index(name)
+
+    def alter(k: int, topic: int, data: bytes) -> bytes:
+        if k != 52 or topic != place:
+            return data
+        changed = bytearray(data)
+        changed[byte] ^= 1
+        return bytes(changed)
+
+    verdict = verify(write_free(tmp_path / 'bag', rig, now_and_then, alter))
+    assert verdict.first[name.partition('/')[0]].tick == 52
 
 
 def _of(bag: Path, tick: int, topic: int) -> bytes:

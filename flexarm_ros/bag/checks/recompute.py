@@ -27,7 +27,7 @@ from flexarm_ros.core.run.part import Answer, DRIVES
 from flexarm_ros.core.run.parts import answering, PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.wire.topics import CLOCK, COMMAND, STATE, Topic
+from flexarm_ros.wire.topics import CLOCK, STATE, Topic
 import numpy as np
 
 Values = tuple[float, ...]
@@ -59,9 +59,8 @@ class Nodes:
             (names.index(s.name), PLANT_VALUES[s.name]) for s in PlantPart.further_signals(config)
         ]
         self._start = (self._plant.q.copy(), self._plant.qd.copy())
-        self._last_held = self._timeline.stamp_ns(0)
-        self._answers: dict[int, Values] | None = {} if config.run.sync == 'free' else None
-        """In a free-running run: the controller's answers by stamp, which may act later."""
+        self._held = {i: _Held(self._timeline) for i, t in enumerate(topics) if t.recorded_from}
+        """In a free-running run: place of a topic that the plant reads -> what it may hold."""
         self._parts = [
             _Recomputed(part(config), topics, part.reads(config))
             for part in answering(config)
@@ -86,28 +85,20 @@ class Nodes:
         views[STATE] = MessageState(recorded) if recorded is not None else None
         for part in self._parts:
             found.update(part.expected(tick, stamp, views))
-        if self._answers is not None and COMMAND in found:
-            self._answers[stamp] = found.pop(COMMAND)[1]
+        for place, held in self._held.items():
+            if place in found:
+                held.answers[stamp] = found.pop(place)[1]
         return {i: w for i, w in found.items() if self._topics[i].node not in self._skip}
 
-    def held(self, tick: int, stamp: int) -> Stamped | None:
-        """
-        Return the command with this ``stamp`` that a free-running plant holds over ``tick``.
-
-        None if the answer is not known.  Stamps never fall, so that earlier answers are
-        forgotten; 0: there is no command.
-        """
-        answers, now = self._answers, self._timeline.stamp_ns(tick)
-        if not answers:
-            return None
-        if stamp == 0:
-            return 0, (0.0, 0.0)
-        if not self._last_held <= stamp <= now or (now - stamp) % self._timeline.period_ns:
-            return now, answers.get(now, (0.0, 0.0))
-        self._last_held = stamp
-        while answers and next(iter(answers)) < stamp:
-            del answers[next(iter(answers))]
-        return (stamp, answers[stamp]) if stamp in answers else None
+    def held(self, tick: int, messages: Sequence[bytes | None]) -> dict[int, Stamped]:
+        """Return what a free-running plant must have held over ``tick``, as far as it is known."""
+        found: dict[int, Stamped] = {}
+        for place, held in self._held.items():
+            data = messages[place]
+            wanted = held.over(tick, self._topics[place], data) if data is not None else None
+            if wanted is not None:
+                found[place] = wanted
+        return found
 
     def _retune(self, tick: int) -> None:
         for change in self._agenda.due(tick):
@@ -136,6 +127,46 @@ class Nodes:
                 plant.disturb(tick - 1, *known[1])
             plant.step(*known[0])
         return State(plant.q, plant.qd, plant.deflections())
+
+
+class _Held:
+    """
+    The answers on a topic of which a free-running plant holds the newest that has arrived.
+
+    ``answers``: stamp, ns -> values, of the answers that the plant may still hold.
+    """
+
+    def __init__(self, timeline: Timeline) -> None:
+        self._timeline, self._last = timeline, timeline.stamp_ns(0)
+        self.answers: dict[int, Values] = {}
+
+    def over(self, tick: int, topic: Topic, data: bytes) -> Stamped | None:
+        """
+        Return the answer held over ``tick`` that has the stamp of the message ``data``.
+
+        None if it is not known.  Stamps never fall, so that earlier answers are forgotten; 0:
+        nothing has arrived.
+        """
+        answers, now = self.answers, self._timeline.stamp_ns(tick)
+        if not answers:
+            return None
+        stamp, nothing = stamp_of(topic, data), (0.0,) * len(topic.codec.fields)
+        if stamp == 0:
+            return 0, nothing
+        if not self._last <= stamp <= now or (now - stamp) % self._timeline.period_ns:
+            return now, answers.get(now, nothing)
+        self._last = stamp
+        while answers and next(iter(answers)) < stamp:
+            del answers[next(iter(answers))]
+        return (stamp, answers[stamp]) if stamp in answers else None
+
+
+def stamp_of(topic: Topic, data: bytes) -> int:
+    """Return the stamp of a message, ns; -1 if it cannot be decoded."""
+    try:
+        return topic.codec.decode_any(data)[0]
+    except ValueError:
+        return -1
 
 
 class _Recomputed:

@@ -41,7 +41,7 @@ from flexarm_ros.core.run.loop_blocks import loop_messages, Stamped
 from flexarm_ros.core.run.parts import recorded_roles
 from flexarm_ros.scenario.errors import counted
 from flexarm_ros.scenario.recorded import RECORDER
-from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE, TIMING, Topic
+from flexarm_ros.wire.topics import per_tick_topics, STATE, TIMING, Topic
 import numpy as np
 
 LOOP = 'closed loop'
@@ -165,8 +165,8 @@ class _Run:
         placed = reader.config.plant.initial_position is not None
         start_known = placed or 'trajectory' not in reader.unknown
         self._nodes = Nodes(reader.config, reader.topics, skip, start_known)
-        self._free = reader.config.run.sync == 'free'
-        self._loop = None if skip or self._free else ClosedLoop(reader.config)
+        free = reader.config.run.sync == 'free'
+        self._loop = None if skip or free else ClosedLoop(reader.config)
         self._agenda = Agenda(reader.config.changes)
         self._last = -1
         self._missing = _Missing()
@@ -191,7 +191,7 @@ class _Run:
         self, tick: int, messages: Sequence[bytes | None], now: Tick, before: Tick | None
     ) -> None:
         expected = self._nodes.expected(tick, now, before)
-        expected.update(self._held(tick, messages[COMMAND]))
+        expected.update(self._nodes.held(tick, messages))
         for extra, data in zip(self._topics, messages, strict=True):
             if data is not None and not extra.due(tick):
                 self._comparison.differs(
@@ -218,13 +218,6 @@ class _Run:
         for topic, data in enumerate(messages):
             if data is not None:
                 self._comparison.message(LOOP, tick, topic, data, all_wanted[topic])
-
-    def _held(self, tick: int, command: bytes | None) -> dict[int, Stamped]:
-        """Return the command that a free-running plant must have held, if that is known."""
-        if not self._free or command is None:
-            return {}
-        held = self._nodes.held(tick, stamp_of(self._topics[COMMAND], command))
-        return {} if held is None else {COMMAND: held}
 
     def _account(self, tick: int, messages: Sequence[bytes | None]) -> None:
         missing = []
@@ -406,14 +399,6 @@ def _check_counts(reader: BagReader, counts: Sequence[int], verdict: Verdict) ->
             number = said.get(name)
             told = 'no message' if number is None else counted(number, 'message')
             verdict.faults.append(f'metadata.yaml: {told} on {name}, the bag has {counts[index]}')
-
-
-def stamp_of(topic: Topic, data: bytes) -> int:
-    """Return the stamp of a message, ns; -1 if it cannot be decoded."""
-    try:
-        return topic.codec.decode_any(data)[0]
-    except ValueError:
-        return -1
 
 
 def _decoded(topic: Topic, data: bytes | None) -> Values | None:

@@ -59,7 +59,7 @@ class ActuatorPart(Answer):
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for backlash of a drive without inertia, and out of lock-step."""
+        """Raise ``ValueError`` for backlash without a hub's inertia, and for lost commands."""
         drive, hubs = config.section(cls.NAME), config.plant.hub_inertia
         check_channel(cls.NAME, drive, Timeline.of(config.run).period_ns)
         for joint, (gap, hub) in enumerate(zip(drive.backlash, hubs, strict=True)):
@@ -68,8 +68,11 @@ class ActuatorPart(Answer):
                     f'actuator.backlash: {gap!r} rad of {JOINTS[joint]}, whose '
                     'plant.hub_inertia is 0; allowed: 0, or a hub inertia above 0'
                 )
-        if config.run.sync == 'free':
-            raise ValueError('actuator: /**.sync is free; allowed with this section: lockstep')
+        if config.run.sync == 'free' and config.plant.command_loss == 'zero':
+            raise ValueError(
+                'plant.command_loss: zero; allowed with sync: free and section actuator, whose '
+                'drives take every command: end'
+            )
 
     def __init__(self, config: RunConfig) -> None:
         from flexarm_ros.core.numerics.elementary import exp
@@ -140,7 +143,7 @@ class DisturbancePart(Answer):
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for tables that are not whole, and out of lock-step."""
+        """Raise ``ValueError`` for tables that are not whole."""
         held = config.section(cls.NAME)
         for file, names in TABLES.items():
             columns = [getattr(held, name) for name in names]
@@ -156,8 +159,6 @@ class DisturbancePart(Answer):
                         f'disturbance.{names[0]}: {after!r} s after {before!r} s; times must not '
                         'decrease'
                     )
-        if config.run.sync == 'free':
-            raise ValueError('disturbance: /**.sync is free; allowed with this section: lockstep')
 
     def __init__(self, config: RunConfig) -> None:
         from flexarm_ros.core.control.open_loop import torque_at

@@ -243,17 +243,18 @@ class PlayerNode(Node):
         if self.stopped():
             return False
         timed = self._times is not None
+        later = self._times.torque if self._times is not None and seat is None else None
         if seat is not None and timed:
             seat.begin(tick)
         for index, data in enumerate(messages):
-            if data is not None and index in self._outlets and not (timed and index == COMMAND):
+            if data is not None and index in self._outlets and index != later:
                 self._outlets[index].publish(data)
         if seat is not None:
             seat.hear(messages[COMMAND]) if timed else seat.answer(tick, messages[COMMAND])
-        elif arrival is not None and COMMAND in self._outlets:
+        elif arrival is not None and later in self._outlets:
             if not self._pace.paused:
                 self._wait(arrival, 0.0)
-            self._outlets[COMMAND].publish(messages[COMMAND])
+            self._outlets[later].publish(messages[later])
         return not self.stopped()
 
     def _wait(self, wall: float | None, seconds: float) -> None:

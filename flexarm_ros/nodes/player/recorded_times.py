@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.nodes.player.options import PlayerError
-from flexarm_ros.wire.topics import COMMAND, TIMING
+from flexarm_ros.wire.topics import TIMING, torque_place
 
 
 class RecordedTimes:
@@ -34,6 +34,8 @@ class RecordedTimes:
         if TIMING not in names:
             raise PlayerError(f'timing: recorded: {reader.path} is not of a free-running run')
         self._place = names.index(TIMING)
+        self.torque = torque_place(reader.topics)
+        """Index of the topic of the torques that the plant held."""
         self._topics = reader.topics
         self._last: bytes | None = None
         self._at = -1.0
@@ -47,7 +49,7 @@ class RecordedTimes:
 
         None if it is not in the bag; None for a held command, which arrived earlier.
         """
-        data, command = messages[self._place], messages[COMMAND]
+        data, command = messages[self._place], messages[self.torque]
         if data is None:
             return None, None
         stamp, (begin, _, arrived) = self._topics[self._place].codec.decode_any(data)
@@ -55,7 +57,7 @@ class RecordedTimes:
         if command is None or arrived < 0.0 or (command, arrived) == (self._last, self._at):
             return begin, None
         self._last, self._at = command, arrived
-        answered = self._begins.get(self._topics[COMMAND].codec.decode_any(command)[0])
+        answered = self._begins.get(self._topics[self.torque].codec.decode_any(command)[0])
         if answered is not None:
             self.latencies.append(arrived - answered)
         return begin, arrived

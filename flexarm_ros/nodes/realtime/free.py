@@ -17,18 +17,23 @@ The plant's side of a free-running run (``sync: free``): ticks by the wall clock
 
 Tick k is due at a time that follows from the first tick and the speed alone, so that delays do not
 add up; the ticks after a late one catch up.  At the end of tick k the newest command that has
-arrived is held over it: with all commands in time the run is that of lock-step, bit for bit.
+arrived is held over it: with all commands in time the run is that of lock-step, bit for bit.  The
+newest force at the tip is held likewise, if there are disturbances.  With drives the command is
+theirs, ``actuator/torque``: its stamp is that of the state that the controller answered.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from flexarm_ros.core.parameters.sections import PlantParameters
+from flexarm_ros.core.run.part import COMMAND
 from flexarm_ros.core.run.results.real_time import LiveTiming, NO_COMMAND
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.realtime.command import CommandInput
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.topics.channels import Output
+from flexarm_ros.nodes.runtime.topics.channels import Output, Values
 
 RECORDER_WINDOW = 768
 """Maximum number of ticks ahead of the recorder, below the queue depth of the topics.
@@ -36,18 +41,19 @@ RECORDER_WINDOW = 768
 Larger than in lock-step, where it limits the loss in a crash: here a wait is a late tick.
 """
 
-_NONE = (0.0, 0.0)
-
 
 class FreeRun:
     """Counts and publishes the timing of the plant's ticks in a free-running run."""
 
     def __init__(
         self, parameters: PlantParameters, timeline: Timeline, control: RunControl,
-        command: CommandInput, applied: Output, times: Output,
+        inputs: Sequence[CommandInput], applied: Sequence[Output], times: Output,
     ) -> None:  # fmt: skip
+        """Take the newest of the ``inputs``, of which the torque is the first."""
         self._control, self._timeline = control, timeline
-        self._command, self._applied, self._times = command, applied, times
+        self._command, *self._others = inputs
+        self._applied, *self._others_applied = applied
+        self._times = times
         self._hold = parameters.command_hold
         self._zero_after_loss = parameters.command_loss == 'zero'
         self.live = LiveTiming()
@@ -71,10 +77,12 @@ class FreeRun:
         if self._command.poll(tick):
             self._new = True
             self.live.answered(self._command.tick, self._command.at)
+        for entry in self._others:
+            entry.poll(tick)
 
-    def end(self, tick: int, now: float) -> tuple[float, float]:
+    def end(self, tick: int, now: float) -> list[Values]:
         """
-        Return the torque that is held over ``tick``, which ends ``now``.
+        Return the values of each input that are held over ``tick``, which ends ``now``.
 
         Raises `RunFailed` if no command has arrived for too long.
         """
@@ -87,7 +95,10 @@ class FreeRun:
         self._new = False
         if self._without > self._hold:
             self._lose(tick)
-        return (command.values[0], command.values[1]) if self._known else _NONE
+        return [
+            command.values if self._known else zeros(command),
+            *(entry.values or zeros(entry) for entry in self._others),
+        ]
 
     def _lasted(self, now: float) -> float:
         """
@@ -104,16 +115,27 @@ class FreeRun:
         return bool(self._command.values) and not self.lost
 
     def _lose(self, tick: int) -> None:
-        owed = f'no torque on {self._command.topic.name} for {self._hold:g} s'
+        name = self._command.topic.name
+        way = '' if name == COMMAND else f', which follows {COMMAND},'
+        owed = f'no torque on {name}{way} for {self._hold:g} s'
         if not self._zero_after_loss:
             raise RunFailed(self._command.source, f'tick {tick}: {owed}')
         self.lost = self.lost or f'{self._command.source}: tick {tick}: {owed}: zero torque'
 
-    def tell(self, tick: int, torque: tuple[float, float]) -> None:
-        """Publish the command held over ``tick`` and the times of the tick, for the recorder."""
+    def tell(self, tick: int, held: Sequence[Values]) -> None:
+        """Publish what was ``held`` over ``tick`` and the times of the tick, for the recorder."""
         command, timeline, zero = self._command, self._timeline, self._zero or 0.0
         known = self._known
         stamp = timeline.stamp_ns(command.tick) if known else 0
         at = command.at - zero if known else NO_COMMAND
-        self._applied.send(stamp, *torque)
+        self._applied.send(stamp, *held[0])
+        for entry, output, values in zip(
+            self._others, self._others_applied, held[1:], strict=True
+        ):
+            output.send(timeline.stamp_ns(entry.tick) if entry.values else 0, *values)
         self._times.send(timeline.stamp_ns(tick), self._begin - zero, self._due - zero, at)
+
+
+def zeros(entry: CommandInput) -> Values:
+    """Return the values that hold before the first message."""
+    return (0.0,) * len(entry.topic.codec.fields)

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 from pathlib import Path
 import re
@@ -108,7 +109,13 @@ def test_the_force_is_linear_between_rows_at_the_middle_of_the_tick() -> None:
             ),
             'actuator.backlash: 0.01 rad of elbow, whose plant.hub_inertia is 0',
         ),
-        (with_part('actuator', ActuatorParameters(), sync='free'), 'actuator: /**.sync is free'),
+        (
+            replace(
+                with_part('actuator', ActuatorParameters(), sync='free'),
+                plant=PlantParameters(command_loss='zero'),
+            ),
+            'plant.command_loss: zero; allowed with sync: free and section actuator',
+        ),
         (
             with_part('disturbance', DisturbanceParameters(force_file='x.csv')),
             'disturbance.force_file: its contents were not supplied',

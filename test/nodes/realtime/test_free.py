@@ -95,6 +95,34 @@ def test_six_processes_run_freely(tmp_path: Path, ros_domain: int) -> None:
     assert 'command latency p50/p99/max ' in said and ', recorded ' in said
 
 
+@pytest.mark.parametrize('way', [(), ('--compose',)], ids=['processes', 'composed'])
+def test_a_rig_runs_freely(way: tuple[str, ...], tmp_path: Path, ros_domain: int) -> None:
+    """Drives, a push, strain gauges, an IMU, channels: flown, counted, verified, replayed."""
+    out = tmp_path / 'run'
+    words = [
+        'disturbance.force_times=[0.0]', 'disturbance.force_x=[0.2]', 'disturbance.force_y=[-0.1]',
+        'encoder.jitter=0.004', 'actuator.latency=0.002', 'actuator.dropout=0.1',
+        'strain_gauge.dropout=0.2', 'imu.jitter=0.003', 'plant.command_hold=30', 'duration=0.3',
+    ]  # fmt: skip
+    settings = [word for setting in words for word in ('--set', setting)]
+    done = flexarm('run', 'lab_arm', *FREE, *settings, *way, '--out', out)
+    assert done.returncode == 0, done.stderr
+    counted(out)
+    verdict = verify(out)
+    assert verdict.same, verdict.first
+    assert {verdict.compared[name] for name in ('actuator', 'disturbance', 'controller')} == {300}
+    again = flexarm('replay', out, '--timing', 'recorded', '--delay', '0')
+    assert again.returncode == 0 and 'played 300 ticks' in again.stdout + again.stderr
+
+
+def test_a_silent_controller_before_drives_ends_the_run(tmp_path: Path, ros_domain: int) -> None:
+    drives = ('--set', 'actuator.bandwidth=[50.0,50.0]', '--set', 'plant.command_hold=0.1')
+    done = run(tmp_path / 'run', *drives, mode='silent')
+    assert done.returncode == 1
+    assert 'no torque on actuator/torque, which follows joint_command, for 0.1 s' in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
 def test_a_controller_that_is_late_now_and_then_finishes_its_run(
     tmp_path: Path, ros_domain: int
 ) -> None:

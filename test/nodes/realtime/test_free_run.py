@@ -31,7 +31,10 @@ TIMELINE = Timeline.of(RunParameters(control_period=PERIOD, duration=10.0))
 class Command:
     """Commands as the test gives them: the tick that the next poll finds answered."""
 
-    topic, source = SimpleNamespace(name='joint_command'), 'controller'
+    topic = SimpleNamespace(
+        name='joint_command', codec=SimpleNamespace(fields=('effort[0]', 'effort[1]'))
+    )
+    source = 'controller'
 
     def __init__(self) -> None:
         self.tick, self.at, self.values, self.next = -1, -1.0, (), None
@@ -62,15 +65,17 @@ def free_run(parts: tuple[Command, Outlet, Outlet], **parameters: Any) -> FreeRu
         period_s=lambda: PERIOD,
     )  # fmt: skip
     given: Any = parts
-    return FreeRun(PlantParameters(**parameters), TIMELINE, control, *given)
+    command, applied, times = given
+    plant = PlantParameters(**parameters)
+    return FreeRun(plant, TIMELINE, control, [command], [applied], times)
 
 
-def tick(free: FreeRun, number: int, now: float | None = None) -> tuple[float, float]:
+def tick(free: FreeRun, number: int, now: float | None = None) -> tuple[float, ...]:
     """Let a tick begin when it is due and end when the next one is, or at ``now``."""
     free.begin(number, number * PERIOD if now is None else now)
-    torque = free.end(number, (number + 1) * PERIOD if now is None else now)
-    free.tell(number, torque)
-    return torque
+    held = free.end(number, (number + 1) * PERIOD if now is None else now)
+    free.tell(number, held)
+    return held[0]
 
 
 def test_the_newest_command_is_held_and_told(parts: tuple[Command, Outlet, Outlet]) -> None:
@@ -95,6 +100,22 @@ def test_a_controller_that_is_gone_ends_the_run(parts: tuple[Command, Outlet, Ou
         tick(free, number)
     with pytest.raises(RunFailed, match='tick 4: no torque on joint_command for 0.035 s'):
         tick(free, 4)
+
+
+def test_a_force_is_held_beside_it_and_not_counted(parts: tuple[Command, Outlet, Outlet]) -> None:
+    command, applied, times = parts
+    force, pushed = Command(), Outlet()
+    plain: Any = free_run(parts)
+    control, inputs, outputs = plain._control, [command, force], [applied, pushed]
+    free = FreeRun(PlantParameters(), TIMELINE, control, inputs, outputs, times)  # type: ignore[arg-type]
+    force.next = 0
+    assert tick(free, 0) == (0.0, 0.0)
+    force.next, command.next = 1, 1
+    tick(free, 1)
+    command.next = 2
+    tick(free, 2)
+    assert pushed == [(TIMELINE.stamp_ns(k), float(k), 2.0) for k in (0, 1, 1)]
+    assert applied[0][0] == 0 and free.live.held == 1
 
 
 def test_or_leaves_zero_torque_until_it_is_back(parts: tuple[Command, Outlet, Outlet]) -> None:
