@@ -56,7 +56,9 @@ class Report:
     timing: str = ''
     """Timing of a free-running run so far, for the progress line."""
     remarks: list[str] = field(default_factory=list)
-    """Remarks of the plant for the user, oldest first."""
+    """Remarks for the user, oldest first."""
+    common: set[str] = field(default_factory=set)
+    """Remarks that several nodes make alike, of which the first is passed on."""
 
     def take(self, line: dict[str, Any]) -> None:
         """Process one line of a node."""
@@ -77,6 +79,9 @@ class Report:
         self.timing = line.get('timing', self.timing)
         if 'remark' in line:
             self.remarks.append(line['remark'])
+        if 'common' in line and line['common'] not in self.common:
+            self.common.add(line['common'])
+            self.remarks.append(line['common'])
 
 
 class RunWatch:

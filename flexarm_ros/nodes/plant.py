@@ -31,7 +31,7 @@ from flexarm_ros.nodes.realtime.free import RECORDER_WINDOW as RECORDER_WINDOW_F
 from flexarm_ros.nodes.realtime.system import ask, SYSTEM_KEYS
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
-from flexarm_ros.nodes.runtime.joining.status import Phase
+from flexarm_ros.nodes.runtime.joining.status import Phase, PRIORITY
 from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
@@ -71,6 +71,8 @@ class PlantNode(Participant):
         self.again = self.config.run.sync == 'free'
         self._free: FreeRun | None = None
         self._asked, self._told, self._said_lost = False, 0.0, ''
+        self.epochs.constant[PRIORITY] = str(self.get_parameter('realtime_priority').value)
+        self.board.publish(extra=dict(self.epochs.constant))
         self.control = RunControl(self)
         self.standard = offer_standard_services(self, self.control)
         if self.again and self.control.rtf == 0.0:

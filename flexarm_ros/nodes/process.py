@@ -121,6 +121,8 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
     if names == ['recorder']:
         os.nice(_RECORDER_NICE)
     nodes = [node_class(name)(argv, supervisor) for name in names]
+    for node in nodes:
+        node.alone = len(nodes) == 1
     connect((node.inputs.values(), node.outputs.values()) for node in nodes)
     signals = _Signals(nodes)
     executor = SingleThreadedExecutor()

@@ -132,6 +132,7 @@ def any_status(dice: random.Random) -> DiagnosticStatus | bytes:
         'parameters': dice.choice(['', '{', '[' * 9000, '{"run": {}}']),
         'epoch': dice.choice(numbers),
         'pace_s': dice.choice(numbers),
+        'priority': dice.choice(numbers),
     }
     kept = [KeyValue(key=k, value=v) for k, v in values.items() if dice.random() < 0.95]
     return DiagnosticStatus(

@@ -427,7 +427,7 @@ class PaceParameters:
     )  # fmt: skip
     realtime_priority: int = _key(
         10, 'int', '', 'with `sync: free`, SCHED_FIFO priority that the plant requests for '
-        'its loop; 0: none', low=0, high=99,
+        'its loop, and half of it for the nodes but the recorder; 0: none', low=0, high=99,
     )  # fmt: skip
     realtime_cpu: int = _key(
         -1, 'int', '', 'with `sync: free`, number of the CPU that the plant binds its loop to; '

@@ -16,8 +16,8 @@
 Requests to Linux for steady timing: priority, CPU, locked memory, garbage collector.
 
 Each request is made if it is allowed, and reported in any case; a run needs none of them.
-Scheduling applies to one thread: other threads of the process, such as the middleware's, keep
-theirs.
+Scheduling applies to one thread: `ask` leaves the other threads of the process, such as the
+middleware's, theirs, and `ask_all_threads` does not.
 """
 
 from __future__ import annotations
@@ -55,6 +55,24 @@ def ask(priority: int, cpu: int, lock: bool) -> list[str]:
     gc.disable()
     said.append('garbage collector off')
     return said
+
+
+def ask_all_threads(priority: int) -> str:
+    """
+    Request SCHED_FIFO for every thread of this process; return what was granted.
+
+    Without the middleware's threads a message still waits for other processes, and a thread of
+    higher priority for one of these, which holds its lock and gets no CPU.
+    """
+    wanted = f'SCHED_FIFO {priority}'
+    for thread in os.listdir('/proc/self/task'):
+        try:
+            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
+        except ProcessLookupError:
+            continue  # it has ended meanwhile
+        except OSError as error:
+            return f'{wanted} not allowed ({error.strerror}; {priority_limit()})'
+    return f'{wanted}, all threads'
 
 
 @contextmanager

@@ -143,6 +143,9 @@ class Member:
     def retune(self, config: RunConfig) -> None:
         """Take the live parameters of ``config``."""
 
+    def take_priority(self, priority: int) -> None:
+        """Follow the plant, which requests this SCHED_FIFO ``priority``, 0: none."""
+
     def further_diagnostics(self) -> dict[str, str]:
         """Return what this node reports on itself in addition to what every node does."""
         return {}

@@ -19,6 +19,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from flexarm_ros.core.run.parts import part_of
+from flexarm_ros.nodes.realtime.system import ask_all_threads
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
 from flexarm_ros.nodes.runtime.ending import Ending
 from flexarm_ros.nodes.runtime.errors import RunFailed
@@ -45,6 +47,11 @@ class Participant(MemberNode):
     `advance`.  The topics that it reads and writes follow from `flexarm_ros.wire.topics`.
     `lockstep.spin` calls `drive`, `poll_peers`, `max_sleep_s` and `blocked_on`.
     """
+
+    alone = True
+    """Whether no other node is in this process."""
+
+    _prioritised = False
 
     again = False
     """Whether `advance` may have more to do at once; if not, a wake-up makes one call."""
@@ -115,6 +122,16 @@ class Participant(MemberNode):
             if entry.whole <= self.tick:
                 return entry.source, f'no message on {entry.topic.name}'
         return '', ''
+
+    def take_priority(self, priority: int) -> None:
+        """Once, request half the plant's ``priority`` for all threads, and report the answer."""
+        behind = part_of(self.ROLE).FOR_THE_RECORD  # no tick waits for the recorder
+        if self._prioritised or not priority or not self.alone or behind:
+            return
+        self._prioritised = True
+        said = ask_all_threads(max(1, priority // 2))
+        self.get_logger().info(f'real time: {said}')
+        self.supervisor.report(self.ROLE, common=f'real time, nodes but the recorder: {said}')
 
     def check_end(self) -> None:
         """Leave the run if this node has completed its last tick."""

@@ -20,7 +20,7 @@ from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.ending import Ending
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.membership import Membership
-from flexarm_ros.nodes.runtime.joining.status import Phase
+from flexarm_ros.nodes.runtime.joining.status import Phase, PRIORITY
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, JOIN_INTERVAL_S, Member
 from flexarm_ros.nodes.runtime.parameters.live import LiveParameters
 from flexarm_ros.nodes.runtime.reset import Epochs
@@ -107,6 +107,9 @@ class Phases:
 
     def _enter_ready(self, now: float) -> None:
         me = self._me
+        plant = self._membership.status_of('plant')
+        if plant is not None and me.config.run.sync == 'free':
+            me.take_priority(int(plant.extra.get(PRIORITY, '0')))
         me.change_phase(Phase.READY, extra=self._epochs.extra())
         self._waiting.ready(now)
         me.check_start(now)

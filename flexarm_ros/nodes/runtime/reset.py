@@ -33,11 +33,14 @@ class Epochs:
     def __init__(self, membership: Membership) -> None:
         self._membership = membership
         self.number = 0
+        self.constant: dict[str, str] = {}
+        """Further values that the status always has."""
 
     def extra(self, **more: str) -> dict[str, str]:
         """Return the further values of the status."""
         plant = self._membership.status_of('plant')
-        return {EPOCH: str(self.number), PLANT: plant.identity if plant else '', **more}
+        own = {EPOCH: str(self.number), PLANT: plant.identity if plant else ''}
+        return {**own, **self.constant, **more}
 
     def announced(self) -> bool:
         """Whether the plant is in a later epoch than this node."""

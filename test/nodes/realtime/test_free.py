@@ -73,6 +73,7 @@ def test_six_processes_run_freely(tmp_path: Path, ros_domain: int) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert 'real time: ' in done.stderr and 'garbage collector off' in done.stderr
+    assert done.stderr.count('nodes but the recorder: SCHED_FIFO 5') == 1  # granted or not
     counted(out)
     verdict = verify(out)
     assert verdict.same and set(verdict.compared) >= {'plant', 'encoder', 'trajectory'}
@@ -107,6 +108,7 @@ def test_a_rig_runs_freely(way: tuple[str, ...], tmp_path: Path, ros_domain: int
     settings = [word for setting in words for word in ('--set', setting)]
     done = flexarm('run', 'lab_arm', *FREE, *settings, *way, '--out', out)
     assert done.returncode == 0, done.stderr
+    assert ('nodes but the recorder: SCHED_FIFO 5' in done.stderr) == (not way)
     counted(out)
     verdict = verify(out)
     assert verdict.same, verdict.first

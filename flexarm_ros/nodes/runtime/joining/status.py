@@ -59,13 +59,15 @@ _MOST_MESSAGES = 200
 
 _REMIND_S = 1.0
 
-EPOCH, PLANT, PACE, HEARD = 'epoch', 'plant', 'pace_s', 'heard'
+EPOCH, PLANT, PACE, PRIORITY, HEARD = 'epoch', 'plant', 'pace_s', 'priority', 'heard'
 """
 Keys of further values: number of the run in this graph, identity of the plant, the plant's wall
-time per tick (s), and the identities of the participants known to a failed one.
+time per tick (s), the SCHED_FIFO priority that it requests for a free-running run (0: none), and
+the identities of the participants known to a failed one.
 """
 
 _LARGEST, _LONGEST_S = 2**62, 1e12
+MOST_PRIORITY = 99
 
 
 class Phase(str, Enum):
@@ -150,6 +152,8 @@ def _check_numbers(values: Mapping[str, str]) -> None:
     """Raise ValueError if a value that is used as a number is none."""
     _whole(values.get(EPOCH, '0'), 0)
     if not 0.0 <= float(values.get(PACE, '0')) <= _LONGEST_S:
+        raise ValueError
+    if _whole(values.get(PRIORITY, '0'), 0) > MOST_PRIORITY:
         raise ValueError
 
 
