@@ -19,6 +19,7 @@ A page's ``sh`` blocks run in one shell, in order, in a directory that looks lik
 its ``python`` blocks then run as one script.  ``<!-- page: quick -->`` puts a page into the
 default tests, every other one is slow.  A mark on the line before a block: ``<!-- test: slow -->``
 leaves it out of a quick page's default run, ``<!-- test: skip (why) -->`` out of both.
+``<!-- page: needs LIBRARY ... -->`` skips a page's Python where a library is missing.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ RUN = {'sh', 'python'}
 SHOWN = {'', 'text', 'yaml', 'json', 'toml', 'xml', 'math', 'cpp', 'csv', 'bibtex'}
 COMMAND = re.compile(r'^(?: {4}|\t)(flexarm|make|ros2|python3?|pip|mcap|colcon) ', re.MULTILINE)
 LINK = re.compile(r'\]\((?!https?:|mailto:|#)([^)#\s]+)(?:#[^)\s]*)?\)')
+NEEDS = re.compile(r'^<!-- page: needs ([a-z ]+) -->$', re.MULTILINE)
 NOTEBOOK = "an extra is missing; pip install 'flexarm_ros[notebook]'"
 LIMIT_S = {'quick': 600.0, 'slow': 3600.0}
 
@@ -108,9 +110,9 @@ def run_page(page: Path, directory: Path, domain: int, left_out: set[str], limit
     if shell:
         run(['/bin/bash', '-c', PRELUDE + shell], directory, limit, name(page))
     python = ''.join(block.text for block in taken if block.kind == 'python')
-    if python and page.name == 'notebook.md':
-        for library in ('control', 'gymnasium', 'pandas', 'xarray'):
-            pytest.importorskip(library, reason=NOTEBOOK)
+    needs = NEEDS.search(page.read_text('utf-8'))
+    for library in needs[1].split() if python and needs else ():
+        pytest.importorskip(library, reason=NOTEBOOK)
     if python:
         script = directory / 'snippets.py'
         script.write_text(python, 'utf-8')
