@@ -268,8 +268,9 @@ def full_name(section: str, key: str) -> str:
 
 def nearest(section: str, key: str) -> str:
     """Return a hint: the key in another section, or the nearest spelling."""
-    before, _, last = key.rpartition('.')  # `before`: where the section itself is not known
-    given = before or section
+    before, _, last = key.rpartition('.')
+    # A section that is not known, or empty: then the order stays.
+    given = before if section == WHOLE_RUN else ''
     for other in sorted(SECTIONS, key=lambda name: -SequenceMatcher(None, given, name).ratio()):
         for candidate in (key, last):
             if candidate in known_keys(other):
