@@ -24,14 +24,17 @@ participants).
 from __future__ import annotations
 
 import importlib.util
+import math
 import sys
 import threading
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from flexarm_ros import scenario
 from flexarm_ros.core.ending import handle_ending
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import recorded_roles
 from flexarm_ros.nodes.runtime.joining import status
 from flexarm_ros.nodes.runtime.joining.config_exchange import Disagreement, published_config
 from flexarm_ros.nodes.runtime.parameters.declared import declare_own, given_parameters
@@ -53,6 +56,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+_SETTLING_S = 1.0
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Of the tip's measurements all that arrive between two frames: the lost ones are counted.
 _ALL = QoSProfile(depth=500, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -87,6 +91,7 @@ class ViewerNode(Node):
         self._listen(self._given)
         self._shown_ns = -1
         self._described: RunConfig | None = None
+        self._complete, self._since = False, math.inf
 
     def _foxglove(self) -> FoxgloveView | None:
         port = int(self.get_parameter('foxglove_port').value)
@@ -134,6 +139,8 @@ class ViewerNode(Node):
         while taken := self._changes.handle.take_message(ParameterEvent, True):
             self.scene.change(bytes(taken[0]))
         frame = self.scene.frame()
+        if frame is not None and not self._settled():
+            frame = None
         if self.page is not None and 'plant' in self._told:
             if self.scene.config is not self._described:
                 self._described = self.scene.config
@@ -149,6 +156,23 @@ class ViewerNode(Node):
             self.page.feed.put('frame', sent(frame, self.scene, self._phase()))
         return True
 
+    def _settled(self) -> bool:
+        """
+        Whether the arm is the run's: a frame from before all nodes were heard shows another one.
+
+        An external node is not heard: a second after the first state the others must do.
+        """
+        if self._complete:
+            return True
+        now = time.monotonic()
+        self._since = min(self._since, now)
+        self._complete = (
+            now - self._since > _SETTLING_S
+            or not self.count_publishers(status.TOPIC)
+            or set(recorded_roles(RunConfig())) <= set(self._told)
+        )
+        return self._complete
+
     def _phase(self) -> str:
         plant = self._told.get('plant')
         return plant.phase.value if plant is not None else ''
@@ -163,7 +187,8 @@ class ViewerNode(Node):
             before = self._told.get(heard.role)
             if before is None or heard.identity >= before.identity:
                 self._told[heard.role] = heard
-                news = news or before is None or heard.identity > before.identity
+                news = news or before is None or heard.parameters != before.parameters
+                news = news or heard.identity > before.identity
         if not news or 'plant' not in self._told:
             return
         texts = {role: (s.node, s.parameters) for role, s in self._told.items() if s.parameters}

@@ -85,7 +85,7 @@ def test_a_full_disk_under_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.nodes
-@pytest.mark.parametrize('size', ['4k', '8k', '12k'])
+@pytest.mark.parametrize('size', ['8k', '12k', '16k'])
 def test_a_disk_that_is_full_from_the_start(tmp_path: Path, size: str) -> None:
     with small_disk(tmp_path / 'disk', size) as disk:
         run = disk / 'run'
@@ -93,6 +93,13 @@ def test_a_disk_that_is_full_from_the_start(tmp_path: Path, size: str) -> None:
                    run / 'scenario.yaml', run / 'bag/bag_0.mcap')  # fmt: skip
         assert 'not finished' in json.loads((run / 'summary.json').read_text())['problem']
         assert not (run / 'bag-rescued').exists()
+
+
+@pytest.mark.nodes
+def test_a_disk_without_room_for_the_summary(tmp_path: Path) -> None:
+    with small_disk(tmp_path / 'disk', '4k') as disk:
+        done = flexarm('run', 'fls_tip', *LONG, '--out', disk / 'run')
+        check_line(done, disk / 'run/summary.json')
 
 
 @pytest.mark.nodes
