@@ -35,6 +35,7 @@ from flexarm_ros.bag.recording import finish_run, prepare_directory
 from flexarm_ros.cli.options.output import show_outcome
 from flexarm_ros.cli.running.suite_table import print_result
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import roles
 from flexarm_ros.launcher.junit import write_junit
 from flexarm_ros.launcher.suite import CaseResult, judge
 from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections, published_config
@@ -171,3 +172,14 @@ def test_a_viewer_shows_no_gain_of_ours_beside_an_external_controller() -> None:
     assert gain_of(published_config(RunConfig(), told), 0.1, 0.1) > 1.0 / 6.0
     del told['controller']
     assert np.isnan(gain_of(published_config(own, told), 0.1, 0.1))
+
+
+def test_a_viewer_knows_the_optional_parts_once_all_are_heard() -> None:
+    gauges = ['controller.deflection_source=strain_gauge', 'strain_gauge.noise_std=0.01']
+    own = scenario.load('fls_tip', [*gauges, 'imu.location=5.0'])
+    told = {role: (role, dump_sections(own, role)) for role in roles(own)}
+    assert published_config(RunConfig(), told) == own
+    del told['imu']
+    seen = published_config(RunConfig(), told)
+    assert (seen.further, seen.controller.deflection_source) == ((), 'plant')
+    assert seen.plant == own.plant

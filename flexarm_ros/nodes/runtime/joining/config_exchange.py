@@ -97,22 +97,36 @@ def published_config(own: RunConfig, published: Mapping[str, tuple[str, str]]) -
     ``published`` as for `merge_sections`, with the plant's.  Torques of an open loop
     are not in a status, an external controller publishes none, and a law of another package may
     not be installed here: the law then counts as one without lambda.  Optional parts are left
-    out: a viewer shows the required ones.
+    out until all of them have published; one that is not installed here leaves all out.
     """
     own = replace(own, further=())
-    published = {role: (node, _required(text)) for role, (node, text) in published.items()}
     try:
-        common = _section('/**', json.loads(published['plant'][1])['run'])
+        shared = json.loads(published['plant'][1])
+        common = _section('/**', shared['run'])
+        optional = [str(name) for name in shared.get('optional', [])]
         law = json.loads(published['controller'][1]) if 'controller' in published else {}
+        known = all(name in published and name in SECTIONS for name in optional)
+        if law and not known:
+            law['controller']['deflection_source'] = 'plant'  # the gauges are left out
         if law and not _is_flyable(law['controller']):
             own_keys = specs(SECTIONS['controller'])
             kept = {key: value for key, value in law['controller'].items() if key in own_keys}
             law['controller'] = {**kept, 'law': 'pd', 'torque_file': None}
+        if law:
             published = {**published, 'controller': (published['controller'][0], json.dumps(law))}
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise Disagreement('the published parameters are not a scenario') from None
     if not law:
         own = replace(own, controller=replace(own.controller, law='pd', torque_file=None))
+    if known:
+        for name in optional:
+            own = with_section(own, name, SECTIONS[name]())
+    else:
+        published = {
+            role: (node, _required(text))
+            for role, (node, text) in published.items()
+            if role not in optional
+        }
     return merge_sections(replace(own, run=common), published)
 
 
