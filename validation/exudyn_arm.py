@@ -62,6 +62,25 @@ def solve(case: Case, mesh: Mesh) -> Array:
     return np.asarray((ratio * runs[1] - runs[0]) / (ratio - 1.0))
 
 
+def solver_settings(seconds: float, step: float, relative: float, absolute: float) -> Any:
+    """Return the settings of a run by the trapezoidal rule; Newton's tolerances are given."""
+    settings = exu.SimulationSettings()
+    integration = settings.timeIntegration
+    integration.numberOfSteps = round(seconds / step)
+    integration.endTime = seconds
+    integration.verboseMode = 0
+    integration.adaptiveStep = False
+    integration.generalizedAlpha.spectralRadius = 1.0
+    integration.generalizedAlpha.useIndex2Constraints = True
+    integration.generalizedAlpha.useNewmark = True
+    integration.newton.useModifiedNewton = False
+    integration.newton.relativeTolerance = relative
+    integration.newton.absoluteTolerance = absolute
+    settings.solution.file.write = False
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+    return settings
+
+
 def _run(case: Case, mesh: Mesh, axial: float) -> Array:
     system = exu.SystemContainer().AddSystem()
     links = _links(system, case, mesh.elements, axial)
@@ -79,20 +98,7 @@ def _run(case: Case, mesh: Mesh, axial: float) -> Array:
     system.SetPostStepUserFunction(record)
     system.Assemble()
     record(system, 0.0)
-    settings = exu.SimulationSettings()
-    integration = settings.timeIntegration
-    integration.numberOfSteps = round(case.duration / mesh.step)
-    integration.endTime = case.duration
-    integration.verboseMode = 0
-    integration.adaptiveStep = False
-    integration.generalizedAlpha.spectralRadius = 1.0
-    integration.generalizedAlpha.useIndex2Constraints = True
-    integration.generalizedAlpha.useNewmark = True
-    integration.newton.useModifiedNewton = False
-    integration.newton.relativeTolerance = 1e-5
-    integration.newton.absoluteTolerance = 1e-9
-    settings.solution.file.write = False
-    settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+    settings = solver_settings(case.duration, mesh.step, relative=1e-5, absolute=1e-9)
     system.SolveDynamic(settings)
     motion = np.array(rows)
     motion[:, 1:3] = np.unwrap(motion[:, 1:3], axis=0)

@@ -32,6 +32,7 @@ import exudyn.itemInterface as items
 from flexarm_ros.core.arm.plant import material_damping
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
+from validation.exudyn_arm import solver_settings
 from validation.motion import Array
 
 PERIOD, STEP = 0.002, 5e-4
@@ -105,7 +106,7 @@ def fly(plant: PlantParameters, seconds: float) -> dict[str, Array]:
         lambda: [_curvature(system, plant, links, n) for n in (0, 1)],
     )
     system.Assemble()
-    system.SolveDynamic(_settings(seconds))
+    system.SolveDynamic(solver_settings(seconds, STEP, relative=1e-6, absolute=1e-10))
     table = np.array(rows)
     return {'theta': table[:, :2], 'curvature': table[:, 2:4], 'torque': table[:, 4:]}
 
@@ -207,21 +208,3 @@ def _curvature(system: Any, plant: PlantParameters, links: list[list[Any]], link
     bends = np.array([12 * x - 6, 6 * x - 4, 6 - 12 * x, 6 * x - 2])
     along, bend = slopes @ np.array(points) / piece, bends @ np.array(points) / piece**2
     return float((along[0] * bend[1] - along[1] * bend[0]) / np.linalg.norm(along) ** 3)
-
-
-def _settings(seconds: float) -> Any:
-    settings = exu.SimulationSettings()
-    integration = settings.timeIntegration
-    integration.numberOfSteps = round(seconds / STEP)
-    integration.endTime = seconds
-    integration.verboseMode = 0
-    integration.adaptiveStep = False
-    integration.generalizedAlpha.spectralRadius = 1.0
-    integration.generalizedAlpha.useIndex2Constraints = True
-    integration.generalizedAlpha.useNewmark = True
-    integration.newton.useModifiedNewton = False
-    integration.newton.relativeTolerance = 1e-6
-    integration.newton.absoluteTolerance = 1e-10
-    settings.solution.file.write = False
-    settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
-    return settings

@@ -22,7 +22,7 @@ middleware's, theirs, and `ask_all_threads` does not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 import ctypes
 import gc
@@ -64,15 +64,7 @@ def ask_all_threads(priority: int) -> str:
     Without the middleware's threads a message still waits for other processes, and a thread of
     higher priority for one of these, which holds its lock and gets no CPU.
     """
-    wanted = f'SCHED_FIFO {priority}'
-    for thread in os.listdir('/proc/self/task'):
-        try:
-            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
-        except ProcessLookupError:
-            continue  # it has ended meanwhile
-        except OSError as error:
-            return f'{wanted} not allowed ({error.strerror}; {priority_limit()})'
-    return f'{wanted}, all threads'
+    return _ask_priority(priority, map(int, os.listdir('/proc/self/task')), ', all threads')
 
 
 @contextmanager
@@ -101,13 +93,17 @@ def can_lock() -> bool:
     return limit == resource.RLIM_INFINITY or has_capability(_CAP_IPC_LOCK)
 
 
-def _ask_priority(priority: int) -> str:
+def _ask_priority(priority: int, threads: Iterable[int] = (0,), whose: str = '') -> str:
+    """Request it for these threads, 0: this one, which ``whose`` names in what is returned."""
     wanted = f'SCHED_FIFO {priority}'
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except OSError as error:
-        return f'{wanted} not allowed ({error.strerror}; {priority_limit()})'
-    return wanted
+    for thread in threads:
+        try:
+            os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+        except ProcessLookupError:
+            continue  # it has ended meanwhile
+        except OSError as error:
+            return f'{wanted} not allowed ({error.strerror}; {priority_limit()})'
+    return f'{wanted}{whose}'
 
 
 def _ask_cpu(cpu: int) -> str:
