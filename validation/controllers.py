@@ -39,6 +39,7 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
+from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.parameters.sections import RunConfig
 from validation.tables import put
 
@@ -46,7 +47,6 @@ ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / 'docs' / 'data' / 'controllers.csv'
 PAGE = ROOT / 'docs' / 'controllers.md'
 
-PLANNING = ('inverse', 'passive', 'lqg', 'adaptive')
 PAPER = {
     'pd': ('controller.law=pd',),
     'fls': ('controller.law=fls',),

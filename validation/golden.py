@@ -41,6 +41,7 @@ from flexarm_ros import scenario
 from flexarm_ros.bag.checks.digest import digest_of
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.writer import BagWriter
+from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
@@ -81,7 +82,6 @@ class Digested(NamedTuple):
 
 
 _NOISE = ('encoder.noise_std=1e-4', 'tip_sensor.noise_std=1e-3', 'seed=7')
-_PLANNING = ('inverse', 'passive', 'lqg', 'adaptive')
 _LIVE = (Change(200, 'controller', 'kp', 120.0), Change(400, 'tip_sensor', 'latency', 0.0021))
 
 QUICK = {
@@ -100,7 +100,7 @@ QUICK = {
     'live_change': Digested('fls_tip', 0.6, (), _LIVE),
     'open_loop': Digested('open_loop', 0.5),
     'full_six_modes': Digested('pd_full', 0.5, ('plant.modes=6',)),
-    **{law: Digested(f'{law}_smooth', 2.0) for law in _PLANNING},
+    **{law: Digested(f'{law}_smooth', 2.0) for law in PLANNING},
 }
 """Name -> what `make test` flies: some seconds in all."""
 
@@ -111,7 +111,7 @@ def _slow() -> dict[str, Digested]:
     for name in locate.shipped():
         if '_physical' in name:
             found[f'{name}_16_s'] = Digested(name, 16.0)
-    for law in _PLANNING:
+    for law in PLANNING:
         found[f'{law}_constant'] = Digested(f'{law}_constant', 4.0)
     return found | {
         'full_eight_seconds': Digested('pd_full', 8.0),

@@ -23,7 +23,6 @@ import sys
 
 from bagtools import write_changed
 from flexarm_ros import scenario
-from flexarm_ros.bag.checks.digest import digest_of
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.simulation import simulate
@@ -32,7 +31,7 @@ from flexarm_ros.core.run.kernel import Kernel
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.timeline import T0_NS
 from flexarm_ros.wire.topics import COMMAND, JOINT_STATES, TIP
-from nodetools import flexarm, flexarm_here
+from nodetools import check_every_way, flexarm_here
 import numpy as np
 import pytest
 
@@ -86,17 +85,7 @@ def test_samples_are_held_with_their_stamp_and_verified(tmp_path: Path) -> None:
 def test_every_way_of_running_gives_the_same_bytes(
     settings: tuple[str, ...], tmp_path: Path, ros_domain: int
 ) -> None:
-    words = [word for text in settings for word in ('--set', text)]
-    for way in (['simulate'], ['run'], ['run', '--compose']):
-        out = tmp_path / way[-1]
-        done = flexarm_here(*way, 'fls_tip', *words, '--no-pictures', '--out', out)
-        assert done.returncode == 0, done.stderr
-    digests = {way: digest_of(tmp_path / way) for way in ('simulate', 'run', '--compose')}
-    assert len(set(digests.values())) == 1, digests
-    verdict = verify(tmp_path / 'run')
-    assert verdict.same, verdict.first
-    done = flexarm('replay', tmp_path / 'run', '--rate', '4')
-    assert done.returncode == 0, done.stderr
+    check_every_way('fls_tip', settings, tmp_path)
 
 
 def test_the_command_is_held_and_delayed(tmp_path: Path) -> None:

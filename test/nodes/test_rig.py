@@ -18,9 +18,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexarm_ros.bag.checks.digest import digest_of
-from flexarm_ros.bag.checks.verify import verify
-from nodetools import flexarm, flexarm_here
+from nodetools import check_every_way
 import pytest
 
 CASES = {
@@ -37,14 +35,4 @@ CASES = {
 @pytest.mark.usefixtures('ros_domain')
 @pytest.mark.parametrize('case', CASES)
 def test_a_rig_has_the_same_bytes_in_each_way_of_running(case: str, tmp_path: Path) -> None:
-    words = [word for setting in CASES[case] for word in ('--set', setting)]
-    for way in (('simulate',), ('run', '--compose'), ('run',)):
-        out = tmp_path / way[-1]
-        done = flexarm_here(*way, case, *words, '--no-pictures', '--out', out)
-        assert done.returncode == 0, done.stderr
-    digests = {way: digest_of(tmp_path / way) for way in ('simulate', 'run', '--compose')}
-    assert len(set(digests.values())) == 1, digests
-    verdict = verify(tmp_path / 'run')
-    assert verdict.same, verdict.first
-    done = flexarm('replay', tmp_path / 'run', '--rate', '4')
-    assert done.returncode == 0, done.stderr
+    check_every_way(case, CASES[case], tmp_path)

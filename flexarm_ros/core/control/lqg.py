@@ -49,8 +49,7 @@ from flexarm_ros.core.parameters.sections import (
     RunConfig,
     TipSensorParameters,
 )
-from flexarm_ros.core.sensing.sensors import ticks_per_sample
-from flexarm_ros.core.timeline import named_ns, Timeline
+from flexarm_ros.core.timeline import named_ns, ticks_between, Timeline
 import numpy as np
 
 _BEYOND_S = 10.0
@@ -103,7 +102,8 @@ def latency_of(config: RunConfig) -> Latency:
     own = config.controller.model_tip_latency
     seconds = config.tip_sensor.latency if own is None else own
     whole, rest = divmod(named_ns('controller.model.tip_latency', seconds), period_ns)
-    return Latency(whole, rest / period_ns, ticks_per_sample(config.tip_sensor.rate, period_ns))
+    every = ticks_between('tip_sensor.rate', config.tip_sensor.rate, period_ns)
+    return Latency(whole, rest / period_ns, every)
 
 
 def filter_model(

@@ -36,7 +36,7 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.sensing.channel import LatencyChannel
 from flexarm_ros.core.sensing.delay import Line
 from flexarm_ros.core.sensing.noise import Noise
-from flexarm_ros.core.timeline import ticks_between, Timeline
+from flexarm_ros.core.timeline import Timeline
 import numpy as np
 
 Values = Sequence[float] | FloatArray
@@ -185,15 +185,6 @@ def further_sensors(config: RunConfig) -> tuple[TipSensor, ...]:
     """Return the sensors at ``tip_sensor.more_locations``, in that order."""
     count = len(config.tip_sensor.more_locations or ())
     return tuple(TipSensor(config, number) for number in range(1, count + 1))
-
-
-def ticks_per_sample(rate: float, period_ns: int) -> int:
-    """
-    Return the whole number of ticks between samples at ``rate`` Hz; 1 for 0.
-
-    Raises ``ValueError`` if it is not an integer, in exact arithmetic.
-    """
-    return ticks_between('tip_sensor.rate', rate, period_ns)
 
 
 def check_location(config: RunConfig) -> None:

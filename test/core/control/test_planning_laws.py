@@ -20,7 +20,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from flexarm_ros import scenario
-from flexarm_ros.core.control import LAWS, make_law
+from flexarm_ros.core.control import make_law, PLANNING
 from flexarm_ros.core.control.design import motion
 from flexarm_ros.core.control.lqg import AdaptiveLaw
 from flexarm_ros.core.run.checks import check
@@ -31,7 +31,6 @@ import numpy as np
 import pytest
 
 SIDE = ('duration=4.0',)
-PLANNING = [name for name, law in LAWS.items() if law.PLANS]
 SOFT = 'plant.flexural_rigidity=[1508.4, 1508.4]'
 STIFF = 'plant.flexural_rigidity=[1843.6, 1843.6]'
 HEAVY = 'plant.mass_density=[0.3685, 0.3685]'

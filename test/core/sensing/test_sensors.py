@@ -31,10 +31,9 @@ from flexarm_ros.core.sensing.sensors import (
     check_location,
     Encoder,
     Noise,
-    ticks_per_sample,
     TipSensor,
 )
-from flexarm_ros.core.timeline import T0_NS
+from flexarm_ros.core.timeline import T0_NS, ticks_between
 import numpy as np
 import pytest
 from scipy.stats import kstest
@@ -184,13 +183,13 @@ def test_latency_changed_while_running(model: str) -> None:
     [(0.0, MS, 1), (1000.0, MS, 1), (250.0, MS, 4), (0.1, MS, 10_000), (1e5, 10_000, 1)],
 )
 def test_whole_ticks_a_sample(rate: float, period_ns: int, ticks: int) -> None:
-    assert ticks_per_sample(rate, period_ns) == ticks
+    assert ticks_between('tip_sensor.rate', rate, period_ns) == ticks
 
 
 @pytest.mark.parametrize('rate', [30.0, 2000.0, 999.9999999])
 def test_a_rate_that_is_not_whole_ticks_is_refused(rate: float) -> None:
     with pytest.raises(ValueError, match='^tip_sensor.rate: .*allowed'):
-        ticks_per_sample(rate, MS)
+        ticks_between('tip_sensor.rate', rate, MS)
 
 
 def test_location_is_on_link_2_with_its_rigid_parts() -> None:

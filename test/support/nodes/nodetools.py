@@ -26,6 +26,8 @@ import sys
 import threading
 import time
 
+from flexarm_ros.bag.checks.digest import digest_of
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.cli import main
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import PARTS, roles
@@ -58,6 +60,21 @@ def flexarm_here(*words: str | Path) -> subprocess.CompletedProcess[str]:
     finally:
         os.chdir(place)
     return subprocess.CompletedProcess(words, status, out.getvalue(), errors.getvalue())
+
+
+def check_every_way(case: str, settings: Sequence[str], directory: Path) -> None:
+    """See that nodes, composed or not, give the bytes of a simulation, verified and replayed."""
+    words = [word for text in settings for word in ('--set', text)]
+    for way in (['simulate'], ['run'], ['run', '--compose']):
+        out = directory / way[-1]
+        done = flexarm_here(*way, case, *words, '--no-pictures', '--out', out)
+        assert done.returncode == 0, done.stderr
+    digests = {way: digest_of(directory / way) for way in ('simulate', 'run', '--compose')}
+    assert len(set(digests.values())) == 1, digests
+    verdict = verify(directory / 'run')
+    assert verdict.same, verdict.first
+    done = flexarm('replay', directory / 'run', '--rate', '4')
+    assert done.returncode == 0, done.stderr
 
 
 def start_node(role: str, parameters: Path, *words: str) -> subprocess.Popen[str]:
