@@ -240,3 +240,74 @@ def test_layout_shows_what_is_sent() -> None:
     shown = rviz['Visualization Manager']['Displays']
     topics = [d['Topic']['Value'] for d in shown if 'Topic' in d]
     assert topics == ['/viewer/markers']
+
+
+@pytest.mark.nodes
+def test_a_second_run_is_shown_once_its_nodes_were_heard(ros_domain: int) -> None:
+    """Not with the first run's participants: the arm may be another one."""
+    from diagnostic_msgs.msg import DiagnosticStatus
+    from flexarm_ros.core.parameters.sections import RunConfig
+    from flexarm_ros.core.run.parts import recorded_roles
+    from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections
+    from flexarm_ros.nodes.runtime.joining.status import Phase, PLANT, Status, TOPIC
+    from flexarm_ros.nodes.view.viewer import ViewerNode
+    from flexarm_ros.wire.topics import per_tick_topics, STATE
+    import rclpy
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import JointState
+
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    config = RunConfig()
+    state = per_tick_topics(config)[STATE]
+    rclpy.init()
+    own = ('port:=-1', 'foxglove_port:=-1')
+    viewer = ViewerNode(['viewer', '--ros-args', *(word for o in own for word in ('-p', o))])
+    run = rclpy.create_node('run')
+    statuses = run.create_publisher(DiagnosticStatus, TOPIC, latched)
+    states = run.create_publisher(JointState, state.name, latched)
+
+    def tell(role: str, number: int) -> None:
+        told = Status(role, f'{role}{number}', f'/{role}', Phase.RUNNING, extra={
+            PLANT: f'plant{number}'}, parameters=dump_sections(config, role))  # fmt: skip
+        statuses.publish(told.to_message())
+
+    def move(tick: int) -> None:
+        values = [0.1] * len(state.codec.fields)
+        states.publish(state.codec.encode(1_000_000_000 + tick * 1_000_000, *values))
+
+    try:
+        for role in recorded_roles(config):
+            tell(role, 1)
+        move(5)
+        wait_for(viewer.step, 30, 'a frame of the first run')
+        tell('plant', 2)
+
+        def heard() -> bool:
+            viewer.step()
+            return viewer._told['plant'].identity == 'plant2'
+
+        wait_for(heard, 30, 'the second plant')
+        assert set(viewer._told) == {'plant'}
+        move(3)
+        shown: list[bool] = []
+
+        def arrived() -> bool:
+            shown.append(viewer.step())
+            return viewer.scene.frame() is not None
+
+        wait_for(arrived, 30, 'a state of the second run')
+        assert shown[-1] is False
+        for role in recorded_roles(config):
+            tell(role, 2)
+
+        def goes_on() -> bool:
+            move(4)
+            return viewer.step()
+
+        wait_for(goes_on, 30, 'a frame of the second run')
+        assert set(viewer._told) == set(recorded_roles(config))
+    finally:
+        viewer.close()
+        viewer.destroy_node()
+        run.destroy_node()
+        rclpy.shutdown()

@@ -186,6 +186,8 @@ class ViewerNode(Node):
                 continue
             before = self._told.get(heard.role)
             if before is None or heard.identity >= before.identity:
+                if heard.role == 'plant' and before is not None:
+                    self._forget(before, heard)
                 self._told[heard.role] = heard
                 news = news or before is None or heard.parameters != before.parameters
                 news = news or heard.identity > before.identity
@@ -199,6 +201,18 @@ class ViewerNode(Node):
             return
         if config != self.scene.config:
             self._listen(config)
+
+    def _forget(self, before: status.Status, plant: status.Status) -> None:
+        """Forget the run of the plant ``before`` if ``plant`` is another one."""
+        if plant.identity == before.identity:
+            return
+        self._complete, self._since = False, math.inf
+        self._told = {
+            role: told
+            for role, told in self._told.items()
+            if status.plant_of(told) != before.identity
+        }
+        self._listen(self.scene.config)  # without the state and the trail of that run
 
     def run(self) -> None:
         """Show frames until ``stopping`` is set."""
