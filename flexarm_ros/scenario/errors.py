@@ -24,9 +24,13 @@ class ScenarioError(ValueError):
     """Invalid user input: one line with key, value and what is allowed."""
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ``"; did you mean 'x'?"`` for the nearest of ``known``, or an empty text."""
-    near = difflib.get_close_matches(word[:100], list(known), n=1, cutoff=0.6)
+def suggestion(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """
+    Return ``"; did you mean 'x'?"`` for the nearest of ``known``, or an empty text.
+
+    ``cutoff``: similarity, 0 to 1, below which none is near.
+    """
+    near = difflib.get_close_matches(word[:100], list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{near[0]}'?" if near else ''
 
 

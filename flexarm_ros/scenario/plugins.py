@@ -27,19 +27,15 @@ value is needed, or `trust`; the laws of this package need neither.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import fields, is_dataclass
 from functools import cache
 import importlib
 from importlib.metadata import entry_points, EntryPoint
 from typing import Any
 
-from flexarm_ros.core.parameters.sections import OWN_LAWS, RunConfig, SECTIONS, Spec, specs
-from flexarm_ros.core.parameters.spec import KINDS
-from flexarm_ros.core.run.part import Answer
+from flexarm_ros.core.parameters.sections import OWN_LAWS, RunConfig, SECTIONS, specs
 from flexarm_ros.core.run.parts import known_parts, PARTS, register_part
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.yaml.convert import convert
-from flexarm_ros.scenario.yaml.rclyaml import tree_of
+from flexarm_ros.scenario.plugin_checks import check_defaults, check_parameters, check_part
 
 LAW_GROUP = 'flexarm_ros.laws'
 PART_GROUP = 'flexarm_ros.parts'
@@ -92,23 +88,9 @@ def find_section(name: str) -> bool:
         return False
     where = f'{clip(name)} ({point.value})'
     part = _imported(where, point.module, point.attr)
-    _check_part(where, name, part)
+    check_part(where, name, part)
     register_part(part)
     return True
-
-
-def _check_part(where: str, name: str, part: Any) -> None:
-    if not isinstance(part, type) or not issubclass(part, Answer):
-        raise ScenarioError(f'{where}: not a subclass of flexarm_ros.core.run.part.Answer')
-    if part.__dict__.get('NAME') != name or not name.isidentifier() or not name.isascii():
-        raise ScenarioError(f'{where}: NAME is not {name!r}, a name of letters, digits and _')
-    declared = part.Parameters
-    _check_parameters(where, declared)
-    assert declared is not None
-    _check_defaults(name, declared)
-    if all(default is None for _, _, default in specs(declared).values()):
-        # A scenario is written with the values that are set: this section would be lost.
-        raise ScenarioError(f'{where}: Parameters has no key with a default')
 
 
 def trust(modules: Iterable[str]) -> None:
@@ -217,7 +199,7 @@ def register(law: Any, name: str = '') -> str:
             raise ScenarioError(
                 f'{where}: the name {prefix} is taken by {before.__module__}:{before.__qualname__}'
             )
-    _check_defaults(f'controller.{prefix}', law.Parameters)
+    check_defaults(f'controller.{prefix}', law.Parameters)
     register_law(name, law, prefix)
     return name
 
@@ -227,27 +209,4 @@ def _check_class(where: str, law: Any) -> None:
 
     if not isinstance(law, type) or not issubclass(law, Law):
         raise ScenarioError(f'{where}: not a subclass of flexarm_ros.core.control.Law')
-    _check_parameters(where, law.Parameters)
-
-
-def _check_parameters(where: str, declared: Any) -> None:
-    settings: Any = getattr(declared, '__dataclass_params__', None)
-    if not isinstance(declared, type) or not is_dataclass(declared) or not settings.frozen:
-        raise ScenarioError(f'{where}: Parameters is not a frozen dataclass')
-    for field in fields(declared):
-        spec = field.metadata.get('spec')
-        if not isinstance(spec, Spec):
-            raise ScenarioError(f'{where}: Parameters.{field.name} is not made by parameter()')
-        if spec.kind not in KINDS:
-            raise ScenarioError(
-                f'{where}: Parameters.{field.name}: kind {spec.kind!r} is not one of '
-                f'{", ".join(KINDS)}'
-            )
-        if spec.live and spec.kind != 'float':
-            raise ScenarioError(f'{where}: Parameters.{field.name}: only a float may be live')
-
-
-def _check_defaults(prefix: str, declared: type) -> None:
-    for key, (_, spec, default) in specs(declared).items():
-        if default is not None:
-            convert(f'{prefix}.{key}: default', spec, tree_of(default))
+    check_parameters(where, law.Parameters)

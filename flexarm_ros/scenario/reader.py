@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from difflib import SequenceMatcher
 import os
 from pathlib import Path
 from typing import Any
@@ -40,6 +39,7 @@ from flexarm_ros.scenario.column_file import is_file, with_columns
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
+from flexarm_ros.scenario.plugin_checks import check_plugins, OF_ROS
 from flexarm_ros.scenario.plugins import find_laws, find_section, section_names
 from flexarm_ros.scenario.torque_file import check_order, HEADER, read_torques, Torques
 from flexarm_ros.scenario.yaml.convert import convert
@@ -57,7 +57,6 @@ PRESENT = ''
 MAX_BYTES = 1024 * 1024
 WHOLE_RUN = '/**'
 PACE = specs(PaceParameters)
-_OF_ROS = ('qos_overrides.', 'use_sim_time.', 'start_type_description_service.')
 
 
 def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -> RunConfig:
@@ -246,7 +245,7 @@ def find_key(name: str) -> tuple[str, str]:
     if section == 'controller':
         find_laws(None, [key], user=True)
     if key not in known_keys(section):
-        raise ScenarioError(f'{clip(name)}: unknown key{nearest(section, key)}')
+        raise ScenarioError(f'{clip(name)}: unknown key{_hint(section, key)}')
     return _place(section, key)
 
 
@@ -266,20 +265,23 @@ def full_name(section: str, key: str) -> str:
     return f'{section}.{key}'
 
 
-def nearest(section: str, key: str) -> str:
+def _hint(section: str, key: str) -> str:
     """Return a hint: the key in another section, or the nearest spelling."""
     before, _, last = key.rpartition('.')
-    # A section that is not known, or empty: then the order stays.
-    given = before if section == WHOLE_RUN else ''
-    for other in sorted(SECTIONS, key=lambda name: -SequenceMatcher(None, given, name).ratio()):
-        for candidate in (key, last):
-            if candidate in known_keys(other):
-                return f"; did you mean '{full_name(other, candidate)}'?"
-    names = {full_name(s, k): None for s in SECTIONS for k in known_keys(s)}
-    own = suggestion(full_name(section, key), [n for n in names if n.startswith(f'{section}.')])
+    elsewhere = [
+        full_name(other, candidate)
+        for other in SECTIONS
+        for candidate in (key, last)
+        if candidate in known_keys(other)
+    ]
+    if not before or section != WHOLE_RUN:  # the section is known, or empty
+        elsewhere = elsewhere[:1]
+    names = [full_name(s, k) for s in SECTIONS for k in known_keys(s)]
+    name = full_name(section, key)
     return (
-        own
-        or suggestion(full_name(section, key), names)
+        suggestion(key, elsewhere, cutoff=0.0)
+        or suggestion(name, [n for n in names if n.startswith(f'{section}.')])
+        or suggestion(name, names)
         or '; docs/reference/parameters.md lists every key'
     )
 
@@ -335,7 +337,7 @@ def _take_section(
             _check_of_ros(full_name(section, key), value)
         else:
             name = clip(full_name(section, key))
-            raise ScenarioError(f'{name}: unknown key{nearest(section, key)}')
+            raise ScenarioError(f'{name}: unknown key{_hint(section, key)}')
 
 
 def _unknown_section(section: str, name: str) -> ScenarioError:
@@ -347,7 +349,7 @@ def _unknown_section(section: str, name: str) -> ScenarioError:
 
 def is_of_ros(key: str) -> bool:
     """Whether every ROS 2 node has the parameter: rclpy reads it, and a scenario ignores it."""
-    return f'{key}.'.startswith(_OF_ROS)
+    return key.partition('.')[0] in OF_ROS
 
 
 def _check_of_ros(name: str, value: Tree) -> None:
@@ -388,6 +390,7 @@ def build(
     config = replace(config, torques=torques, pace=PaceParameters(**pace))
     if torque_base is not None:
         config = with_columns(config, torque_base)
+    check_plugins(config, whole)
     if whole:
         check(config)
     return config

@@ -23,6 +23,7 @@ from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.loop_blocks import Stamped, stamped
 from flexarm_ros.core.run.make_plant import make_plant
+from flexarm_ros.core.run.outside import make_part
 from flexarm_ros.core.run.part import Answer, DRIVES
 from flexarm_ros.core.run.parts import answering, PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.state import MessageState, State
@@ -62,7 +63,7 @@ class Nodes:
         self._held = {i: _Held(self._timeline) for i, t in enumerate(topics) if t.recorded_from}
         """In a free-running run: place of a topic that the plant reads -> what it may hold."""
         self._parts = [
-            _Recomputed(part(config), topics, part.reads(config))
+            _Recomputed(make_part(part, config), topics, part.reads(config))
             for part in answering(config)
             if part.NAME not in skip
         ]

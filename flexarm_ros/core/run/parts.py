@@ -33,6 +33,7 @@ from flexarm_ros.core.parameters.sections import (
     specs,
     TrajectoryParameters,
 )
+from flexarm_ros.core.run.outside import make_part
 from flexarm_ros.core.run.part import (
     ACCELERATION,
     Answer,
@@ -479,7 +480,7 @@ class Answers:
     """
 
     def __init__(self, config: RunConfig) -> None:
-        self.parts = {part.NAME: part(config) for part in answering(config)}
+        self.parts = {part.NAME: make_part(part, config) for part in answering(config)}
         wired = signals(config)
         self.places = place = {signal.name: i for i, (_, signal) in enumerate(wired)}
         """Topic -> index in ``messages``."""
