@@ -38,9 +38,9 @@ Command = Sequence[str | Path]
 
 
 @dataclass(frozen=True)
-class Flight:
+class FinishedRun:
     """
-    One run in a test; ``flight["max_error"]`` is a key of ``summary.json``.
+    One run in a test; ``run["max_error"]`` is a key of ``summary.json``.
 
     ``directory`` has the bag, ``summary.json``, ``trajectory.csv`` and the logs;
     ``problem`` is one line, empty on success.
@@ -80,7 +80,7 @@ class Flight:
 
 
 @pytest.fixture
-def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
+def flexarm_run(tmp_path: Path) -> Callable[..., FinishedRun]:
     """
     Return a function that runs a scenario.
 
@@ -93,20 +93,21 @@ def flexarm_run(tmp_path: Path) -> Callable[..., Flight]:
     """
     count = 0
 
-    def fly(
+    def run(
         scenario: str | Path,
         settings: Mapping[str, Any] | None = None,
         *,
         nodes: Mapping[str, Command] | None = None,
         mode: str = 'run',
-    ) -> Flight:
+    ) -> FinishedRun:
         nonlocal count
         count += 1
-        flight = _fly(scenario, settings or {}, _words(nodes), mode, tmp_path / f'flight-{count}')
-        print(f'flexarm: {scenario}: {flight.problem or "completed"}; see {flight.directory}')
-        return flight
+        directory = tmp_path / f'run-{count}'
+        finished = _run(scenario, settings or {}, _words(nodes), mode, directory)
+        print(f'flexarm: {scenario}: {finished.problem or "completed"}; see {directory}')
+        return finished
 
-    return fly
+    return run
 
 
 @pytest.fixture
@@ -118,7 +119,7 @@ def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
     `flexarm_run`: they take part in every case except simulated ones.
     """
 
-    def fly(
+    def run(
         suite: str | Path, *, nodes: Mapping[str, Command] | None = None, jobs: int = 0
     ) -> SuiteResult:
         from flexarm_ros.launcher.run import check_commands
@@ -135,16 +136,16 @@ def flexarm_suite(tmp_path: Path) -> Callable[..., SuiteResult]:
         print(f'flexarm: {suite}: {"passes" if result.passed else "fails"}; see {out}')
         return result
 
-    return fly
+    return run
 
 
-def _fly(
+def _run(
     name: str | Path,
     settings: Mapping[str, Any],
     nodes: Mapping[str, Sequence[str]],
     mode: str,
     directory: Path,
-) -> Flight:
+) -> FinishedRun:
     from flexarm_ros import scenario
     from flexarm_ros.scenario.yaml.rclyaml import quoted
 
@@ -156,7 +157,7 @@ def _fly(
         from flexarm_ros.bag.simulation import simulate
 
         summary = simulate(config, directory, stem)
-        return Flight(directory, summary, str(summary.get('problem') or ''))
+        return FinishedRun(directory, summary, str(summary.get('problem') or ''))
     if mode not in ('run', 'compose'):
         raise ValueError(f'mode {mode!r} is not allowed: run, compose or simulate')
     _need_ros()
@@ -164,7 +165,7 @@ def _fly(
 
     options = RunOptions(compose=mode == 'compose', nodes=nodes)
     outcome = run_scenario(config, stem, directory, options)
-    return Flight(directory, outcome.summary, outcome.problem)
+    return FinishedRun(directory, outcome.summary, outcome.problem)
 
 
 def _words(nodes: Mapping[str, Command] | None) -> dict[str, list[str]]:
