@@ -31,7 +31,7 @@ from flexarm_ros.analysis.figures.fls import fls_figure, lambda_grid
 from flexarm_ros.analysis.figures.paper import paper_figures
 from flexarm_ros.analysis.figures.paths import path_figure
 from flexarm_ros.analysis.figures.runs import part_figure, signal_figure, write_figures
-from flexarm_ros.analysis.figures.style import Panel, panels, styles
+from flexarm_ros.analysis.figures.style import drawing, new_figure, Panel, panels, styles, wrap
 from flexarm_ros.analysis.palette import color
 from flexarm_ros.analysis.report.runs import load_run, RunError
 from matplotlib.axes import Axes
@@ -313,6 +313,22 @@ def test_no_legend_or_inset_covers_a_curve(tmp_path: Path) -> None:
                     points = points[[axis.bbox.contains(*point) for point in points]]
                     assert not any(box.count_contains(points) for box in boxes), (stem, curve)
         assert stem == 'figure_6' or figure.axes[0].child_axes
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['a_scenario_with_a_name_' * 4 + ', velocity source encoder',
+     'my_package.controllers.flexible:AVeryCleverTipController, sensor at 6.75 m', 'x' * 100],
+)  # fmt: skip
+def test_a_long_title_stays_in_its_figure(text: str) -> None:
+    with drawing():
+        figure = new_figure(6.4, 4.0)
+        title = figure.add_subplot().set_title(wrap(text, 60))
+        figure.draw_without_rendering()
+        box = title.get_window_extent()
+    assert box.x0 >= 0.0
+    assert box.x1 <= figure.bbox.width
+    assert title.get_text().replace('\n', '').replace(' ', '') == text.replace(' ', '')
 
 
 def test_fls_figure_shows_the_definition(runs: Path) -> None:

@@ -88,7 +88,7 @@ def _draw_inputs(axis: Axes, kn: float) -> None:
 
 def _draw_output(axis: Axes) -> None:
     _draw_sets(axis, OUTPUT_SETS, 1.0)
-    axis.set(title='Output', xlabel=r'gain $\lambda$')
+    axis.set(title='Output', xlabel=r'gain $\lambda$', xlim=(-0.1, 1.1))
 
 
 def _draw_sets(axis: Axes, sets: Feet, scale: float) -> None:

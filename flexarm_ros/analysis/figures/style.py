@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from itertools import chain, count
 import os
 from pathlib import Path
+import re
 import sys
 import textwrap
 from types import ModuleType
@@ -108,6 +109,9 @@ SETTINGS: Any = {
     'agg.path.chunksize': 20000,
 }
 """Matplotlib settings; the salt and ``METADATA`` make equal data give equal files."""
+
+TITLE_CHARACTERS = 48
+"""Longest line of a title that fits the narrowest panel with a title, 5 inches."""
 
 METADATA: dict[str, dict[str, Any]] = {
     'png': {'Software': None},
@@ -199,9 +203,20 @@ def _spares() -> Iterator[Style]:
                     yield Style(hue, shade, dashes, 1.3 * 0.8**turn)
 
 
-def wrap(text: str) -> str:
-    """Return a legend text wrapped to the width of a panel."""
-    return '\n'.join(textwrap.wrap(text, 30, break_on_hyphens=False))
+def wrap(text: str, width: int = 30) -> str:
+    """
+    Return a text in lines of at most ``width`` characters.
+
+    Lines end at spaces; a longer word, such as the name of a law of a plug-in, at its punctuation.
+    """
+    lines: list[str] = []
+    for line in textwrap.wrap(text, width, break_on_hyphens=False, break_long_words=False):
+        if len(line) > width:
+            parts = textwrap.wrap(re.sub(r'(?<=[._:/-])', ' ', line), width)
+            lines += [part.replace(' ', '') for part in parts]
+        else:
+            lines.append(line)
+    return '\n'.join(lines)
 
 
 @contextlib.contextmanager
@@ -264,9 +279,10 @@ def styled(group: Panel) -> list[tuple[ReportedRun, Style, str]]:
 def panel_title(group: Panel) -> str:
     """Return the group's title; for a single run also its case and a failure."""
     if len(group.runs) > 1:
-        return group.title
+        return wrap(group.title, TITLE_CHARACTERS)
     run = group.runs[0]
     title = ', '.join(filter(None, (group.title, run.role, external_parts(run))))
+    title = wrap(title, TITLE_CHARACTERS)
     if run.stable is False and run.rows:
         title += f'\nunstable, stopped at t = {run.columns["t"][-1]:.3g} s'
     return title

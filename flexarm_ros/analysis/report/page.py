@@ -128,9 +128,9 @@ def _sampling(data: dict[str, Any]) -> str:
         return 'Every recorded tick is in this page.'
     few = min(entries, key=lambda entry: entry['rows'] / max(1, entry['total']))
     return (
-        f'Of each run this page holds a part of the recorded ticks (the least: {few["rows"]} of '
-        f'{few["total"]}), among them the least and the largest value of every quantity in every '
-        'short span of time, so that no peak is lost. trajectory.csv has them all.'
+        f'The charts contain a part of the recorded ticks (of each run at least {few["rows"]} of '
+        f'{few["total"]}), among them the smallest and largest value of every quantity in each '
+        'short interval, so that no peak is lost. trajectory.csv has every tick.'
     )
 
 

@@ -86,9 +86,9 @@ def metrics_table(runs: Sequence[ReportedRun]) -> str:
     table = f'<table class="numbers sticky">{head}<tbody>{"".join(rows)}</tbody></table>'
     return _scroll(table, 'Metrics') + (
         '<p class="note">Errors are distances from the undelayed reference: of the rigid '
-        'kinematics of the joint angles, or of the true tip where it says so. Overshoot: how far '
-        'past the corner along the old direction, in the second after the switch. '
-        '– stands for what is not known.</p>'
+        'kinematics of the joint angles or, for the bent tip, of the true tip. Overshoot is the '
+        'largest distance past the corner, along the old direction, in the second after the '
+        'switch. –: no value.</p>'
     )
 
 
@@ -142,9 +142,9 @@ def claims_section(claims: Claims) -> str:
     return (
         '<section aria-labelledby="h-claims"><h2 id="h-claims">The paper’s claims</h2>'
         f'{parts}{remarks}'
-        '<p class="note">Each claim is a list of comparisons, shown by a click on it, the same '
-        'that <code>flexarm suite paper</code> makes. overshoot[0] is the one at the first '
-        'switch. A claim holds in part where some of them hold.</p></section>'
+        '<p class="note">Click on a claim to see its comparisons, which are those of '
+        '<code>flexarm suite paper</code>. overshoot[0] is that at the first switch. A claim '
+        'holds in part if only some of its comparisons hold.</p></section>'
     )
 
 
@@ -177,7 +177,7 @@ def scenario_table(runs: Sequence[ReportedRun]) -> str:
         for section, held in run.scenario.items():
             keys.update(dict.fromkeys((section, key) for key in held))
     if not keys:
-        return "<p>The runs' summaries hold no scenario.</p>"
+        return '<p>The summaries of the runs have no scenario.</p>'
     rows = []
     for section, key in keys:
         name = key if section == '/**' else f'{section}.{key}'
@@ -207,10 +207,12 @@ def _facts(runs: Sequence[ReportedRun], rows: Sequence[tuple[str, list[str]]], w
         if len(set(cells)) == 1
     )
     if body:
-        title = '<h3>The same in all</h3>' if len(runs) > 1 else ''
         head = f'<thead><tr><th scope="col">{what}</th><th scope="col">Value</th></tr></thead>'
         table = f'<table class="facts">{head}<tbody>{body}</tbody></table>'
-        tables.append(title + _scroll(table, f'{what}, the same'))
+        scroll = _scroll(table, f'{what}, equal')
+        if len(runs) > 1:
+            scroll = f'<details><summary>Equal in all runs</summary>{scroll}</details>'
+        tables.append(scroll)
     return ''.join(tables)
 
 

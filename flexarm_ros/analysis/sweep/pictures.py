@@ -34,6 +34,7 @@ from flexarm_ros.analysis.figures.style import (
     new_figure,
     ORANGE,
     save,
+    wrap,
 )
 from flexarm_ros.analysis.sweep.store import Table
 from flexarm_ros.analysis.sweep_linear import BEST, Linear, WORST
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_PICTURES = 12
+WIDEST = 60
+"""Longest line of a title, characters: those of a figure 6.4 inches wide with a colour bar."""
 SUCCESS = 'stable'
 """Value of a map that is the share of runs that reach their end."""
 
@@ -150,7 +153,7 @@ def _map_figure(sweep: Sweep, cells: _Cells, linear: Linear | None) -> Figure:
     if np.isfinite(cells.value).any():
         figure.colorbar(mesh, ax=axis, label=_metric_label(plan.value))
     _survived(axis, cells)
-    axis.set(xlabel=_label(plan.x), ylabel=_label(plan.y), title=cells.title)
+    axis.set(xlabel=_label(plan.x), ylabel=_label(plan.y), title=wrap(cells.title, WIDEST))
     if plan.value != SUCCESS:
         axis.plot([], [], 's', color='#d9d9d9', label='simulated: unstable within the run')
     axis.plot([], [], color=ORANGE, label='simulated: half of the runs complete')
@@ -251,7 +254,8 @@ def _curve_figure(sweep: Sweep, cells: _Cells) -> Figure:
         if share < 0.5:
             axis.axvline(place, color=GREY, linewidth=0.8, alpha=0.6)
     axis.plot([], [], color=GREY, linewidth=0.8, label='unstable within the run')
-    axis.set(xlabel=_label(plan.x), ylabel=_metric_label(plan.value), title=cells.title)
+    axis.set(xlabel=_label(plan.x), ylabel=_metric_label(plan.value))
+    axis.set_title(wrap(cells.title, WIDEST))
     axis.legend()
     return figure
 

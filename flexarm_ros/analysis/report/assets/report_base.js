@@ -65,16 +65,16 @@ function ticks(low, high, count) {
 
 function tickText(value, step) {
   const size = Math.max(Math.abs(value), step);
-  if (size >= 1e5 || step < 1e-5) return (Math.abs(value) < step / 2 ? 0 : value).toExponential(Math.min(6, Math.max(0, Math.ceil(Math.log10(size / step) - 1e-9)))).replace("-", "−").replace("e−", "e-").replace("e+", "e");
+  if (size >= 1e5 || step < 1e-5) return (Math.abs(value) < step / 2 ? 0 : value).toExponential(Math.min(6, Math.max(0, Math.ceil(Math.log10(size / step) - 1e-9)))).replaceAll("-", "−").replace("e+", "e");
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   return (Math.abs(value) < step / 2 ? 0 : value).toFixed(decimals).replace("-", "−");
 }
 
-// Four significant digits, a true minus sign, a dash for what is not known.
+// Four significant digits, a true minus sign, a dash for no value.
 function show(value) {
   if (value === undefined || value === null || !isFinite(value)) return "–";
   const size = Math.abs(value);
-  if (size !== 0 && (size >= 1e5 || size < 1e-4)) return value.toExponential(2).replace("-", "−");
+  if (size !== 0 && (size >= 1e5 || size < 1e-4)) return value.toExponential(2).replaceAll("-", "−");
   return value.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : size >= 1 ? 3 : 4).replace("-", "−");
 }
 
@@ -105,7 +105,7 @@ function follow(box, draw, paperWidth) {
 
 // Says below a table that is wider than its box that there is more of it.
 function cue(box) {
-  const note = html("p", "The table goes on to the right: scroll it sideways.", null, "note cue");
+  const note = html("p", "More columns to the right: scroll sideways.", null, "note cue");
   box.after(note);
   const check = () => { note.hidden = box.scrollWidth - box.clientWidth - box.scrollLeft < 4; };
   box.addEventListener("scroll", check);

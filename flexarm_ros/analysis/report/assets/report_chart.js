@@ -10,7 +10,7 @@ class Chart {
     this.box = parent.classList.contains("chart") ? parent : html("div", null, parent, "chart");
     this.box.tabIndex = 0;
     this.box.setAttribute("role", "group");
-    this.box.setAttribute("aria-label", options.label + ". Arrow keys step through time, plus and minus zoom, 0 shows the whole.");
+    this.box.setAttribute("aria-label", options.label + ". Arrow keys step through time, plus and minus zoom, 0 shows all.");
     this.svg = svg("svg", { role: "img", "aria-label": options.label }, this.box);
     this.tip = html("div", null, this.box, "tip-box");
     this.tip.hidden = true;
