@@ -1,4 +1,4 @@
-# `make run` flies the paper's square, `make test` passes the tests; both build .venv first.
+# `make run` runs the paper's square, `make test` the tests; both build .venv first.
 .DEFAULT_GOAL := help
 .PHONY: help env run test test-all pythons lint types paper studies bench validate soak lock upgrade clean docs
 

@@ -135,7 +135,7 @@ EXTRAS = {
         *VIEW,
         'websockets',  # a browser's side of the live view, in tests
     ],
-    # By this name `colcon test` tells that pytest is to run.
+    # By this name `colcon test` recognises that pytest is to run.
     'test': ['hypothesis', 'mcap-ros2-support', 'mpmath', 'pytest'],
     'docs': DOCS,
     'view': VIEW,

@@ -76,7 +76,7 @@ def _again(way: Callable[[], Cost]) -> Cost:
 
 
 def _whole(*words: str) -> float:
-    """Fly the paper's square as a user does and return the real-time factor it says."""
+    """Run the paper's square as a user does and return the real-time factor it says."""
     with tempfile.TemporaryDirectory(prefix='flexarm-bench-') as folder:
         out = Path(folder) / 'run'
         command = [sys.executable, '-m', 'flexarm_ros.cli', 'run', 'fls_tip', '--no-pictures',

@@ -30,7 +30,7 @@ from flexarm_ros import scenario
 
 MINUTES = (1, 10, 100)
 WITH_BAG = 10
-"""Longest run, minutes, flown with a bag too: the longer one would take the time of all."""
+"""Longest run, minutes, run with a bag too: the longer one would take the time of all."""
 
 SENSORS = (0, 1, 2, 5, 10, 20)
 """Numbers of sensors at ``tip_sensor.more_locations``."""
@@ -61,7 +61,7 @@ class Used(NamedTuple):
 
 
 def measure() -> Part:
-    """Fly ever longer runs, then more modes and more sensors, and draw the curves."""
+    """Simulate ever longer runs, then more modes and more sensors, and draw the curves."""
     plain, note = _lengths()
     bag = {m: simulate(m) for m in plain if m <= WITH_BAG}
     modes = {m: in_turns(
@@ -78,7 +78,7 @@ def measure() -> Part:
 
 
 def _lengths() -> tuple[dict[int, Used], list[str]]:
-    """Fly without a bag, longer and longer, as long as the next one will be done in time."""
+    """Simulate without a bag, longer and longer, as long as the next one will be done in time."""
     found: dict[int, Used] = {}
     for minutes in MINUTES:
         if found and found[max(found)].wall * minutes / max(found) > LONGEST_S:

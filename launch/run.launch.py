@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Fly a scenario: ``ros2 launch flexarm_ros run.launch.py scenario:=fls_tip``.
+Run a scenario: ``ros2 launch flexarm_ros run.launch.py scenario:=fls_tip``.
 
 The same nodes, progress, metrics and files as `flexarm run`, in the ROS_DOMAIN_ID of the
 environment, under launch's supervision: the nodes can be remapped, and the file included in

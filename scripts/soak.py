@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Fly runs back to back and watch for what grows: ``make soak SOAK_MINUTES=30``.
+Start runs back to back and watch for what grows: ``make soak SOAK_MINUTES=30``.
 
 One long run comes first (a quarter of the time, ended in good order), then short ones of several
 kinds in turn until the time is up.  Watched are: the bytes of each bag (equal to those of `flexarm
@@ -146,7 +146,7 @@ class NodeWatch(FaultPlan):
 
 
 def long_run(soak: Soak, folder: Path) -> None:
-    """Fly one run for a quarter of the time and check every message of its bag."""
+    """Run one scenario for a quarter of the time and check every message of its bag."""
     config = scenario.load('fls_tip', [f'duration={max(1, round(soak.seconds))}',
                                        'trajectory.kind=hold'])  # fmt: skip
     end = time.monotonic() + soak.seconds / 4
@@ -178,7 +178,7 @@ def check_growth(soak: Soak, who: str, samples: list[Sample]) -> None:
 
 
 def short_run(soak: Soak, folder: Path, name: str) -> None:
-    """Fly one short run and compare its bag with the simulation's."""
+    """Make one short run and compare its bag with the simulation's."""
     overrides, compose = SHORT[name]
     config = scenario.load(name.split(',')[0], overrides)
     key = name.split(', one')[0]
@@ -215,7 +215,7 @@ def left_behind(soak: Soak) -> list[str]:
 
 
 def soak_for(minutes: float, folder: Path) -> Soak:
-    """Fly until the time is up."""
+    """Run until the time is up."""
     soak = Soak(minutes * 60.0)
     soak.shm_before = shm_files()
     remember_memory(soak)

@@ -77,7 +77,7 @@ def run() -> Section:
         share < LIMIT,
     )  # fmt: skip
     section.goal(
-        'Free flight at 1.5 rad/s and torques of 20 N m over 5 s, N = 4: tip',
+        'Free motion at 1.5 rad/s and torques of 20 N m over 5 s, N = 4: tip',
         f'{1e3 * farthest:.2f} mm', '3 mm', farthest < TIP_LIMIT,
     )  # fmt: skip
     return section

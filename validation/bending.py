@@ -70,7 +70,7 @@ def run() -> Section:
         )  # fmt: skip
     section.table(
         ['exact deflection, % of length', 'error of the deflection, %',
-         'exact shortening, % of length', 'found'], rows,
+         'exact shortening, % of length', 'computed'], rows,
     )  # fmt: skip
     section.goal(
         'Static deflection of 5 % of the length against the elastica', f'{errors[0.05]:.2%}',

@@ -135,8 +135,8 @@ def run() -> Section:
         worst < LIMIT,
     )  # fmt: skip
     section.say(
-        'Forced motion, 3 s, smooth torques on both joints; missing in the balance, of the '
-        'largest energy and momentum:'
+        'Forced motion, 3 s, smooth torques on both joints; residual of the balance, relative '
+        'to the largest energy and momentum:'
     )
     rows, worst = [], 0.0
     for modes in (1, 4):

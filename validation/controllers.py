@@ -131,7 +131,7 @@ def drawn(law: str, pace: str, count: int) -> list[Run]:
 
 
 def fly(run: Run) -> dict[str, Any]:
-    """Fly a run; its metrics, the residual at rest and the rms error from the second lap on."""
+    """Return metrics of a run, the residual at rest and the rms error from the second lap on."""
     from flexarm_ros.core.run.loop import ClosedLoop
     from flexarm_ros.core.run.results.metrics import Metrics
     from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, Rows
@@ -203,7 +203,7 @@ def text_of(value: Any) -> str:
 
 
 def compute(runs: list[Run], workers: int) -> Iterable[dict[str, str]]:
-    """Fly the runs, those of one law and pace after each other so that they share their plan."""
+    """Simulate the runs; those of one law and pace in sequence, since they share their plan."""
     context = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(workers, context) as pool:
         chunk = max(1, min(12, len(runs) // workers))
@@ -340,7 +340,7 @@ def beyond(found: Found) -> list[str]:
 
 
 def main() -> int:
-    """Fly what is asked for, and write data and page."""
+    """Simulate what is asked for, and write data and page."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--only', nargs='+', choices=NAMES, metavar='LAW', default=NAMES)
     parser.add_argument('--pace', nargs='+', choices=PACES, default=PACES)

@@ -15,7 +15,7 @@
 """
 The FLS against its own parameters, and against (20) with a constant gain.
 
-A variant's gain takes the place of K_s lambda in (21); all else is the flown loop's own code.
+A variant's gain takes the place of K_s lambda in (21); all else is the code of the simulated loop.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def tasks() -> list[Task]:
 
 
 def row(task: Task) -> dict[str, Any]:
-    """Fly one variant."""
+    """Simulate one variant."""
     case, kind, ks, kn = task
     config = scenario.load(case)
     config = replace(config, controller=replace(config.controller, ks=ks, kn=kn))

@@ -166,7 +166,7 @@ def _draw(section: Section, worst: dict[str, list[float]]) -> None:
 
 
 def _one_link(section: Section) -> None:
-    section.say('One link by itself, errors (%) of the first four frequencies:')
+    section.say('A single link, errors (%) of the first four frequencies:')
     rows = []
     for basis in BASES:
         for modes in (4, 5, 6):
@@ -181,10 +181,10 @@ def _one_link(section: Section) -> None:
                 )  # fmt: skip
     section.table(['basis', 'N', *SINGLE], rows)
     section.say(
-        'No four functions of one link serve all eight of these: whatever they are, they miss '
-        f"{least_misfit(4):.1%} of the modes' strain energy in the mean, so that the frequencies "
-        f'are some {0.5 * least_misfit(4):.1%} too high in the mean; with five it is '
-        f'{least_misfit(5):.1e}. (In the arm of two links each mode has eight functions.)'
+        'Four functions of a single link cannot represent all eight of these modes: any four miss '
+        f'at least {least_misfit(4):.1%} of their strain energy on average, so that the '
+        f'frequencies are on average {0.5 * least_misfit(4):.1%} too high; with five functions '
+        f'it is {least_misfit(5):.1e}. (In the arm of two links each mode has eight functions.)'
     )
 
 
@@ -196,7 +196,7 @@ def _de_luca(section: Section) -> None:
         found = natural_frequencies(config, 0.5 * math.pi, 'locked')[:2] / (2.0 * math.pi)
         rows.append([name, *published, *(f'{value:.4f}' for value in found)])
         worst = max(worst, float(np.max(np.abs(found - published))))
-    section.table(['', 'published f1', 'f2', 'found f1', 'f2'], rows)
+    section.table(['', 'published f1', 'f2', 'computed f1', 'f2'], rows)
     section.goal(
         "De Luca and Siciliano's four frequencies, Hz, as printed with two digits",
         f'{worst:.4f}', '0.01', worst < 0.01,
@@ -216,7 +216,7 @@ def _de_luca(section: Section) -> None:
         off = max(off, float(np.max(np.abs(found / theory - 1.0))))
         cells = (', '.join(f'{value:.4f}' for value in values) for values in (theory, found))
         rows.append([joints, *cells])
-    section.table(['joints', 'exact', f'found, N = {plant.modes}'], rows)
+    section.table(['joints', 'exact', f'computed, N = {plant.modes}'], rows)
     section.goal(
         'The same arm, both links flexible, against its dynamic stiffness', f'{off:.3%}', '0.5 %',
         off < LIMIT,

@@ -62,7 +62,7 @@ CASES: dict[str, tuple[float, int, tuple[str, ...]]] = {
     'open_loop': (5.0, 100, ()),
     'de_luca_siciliano': (3.0, 100, ()),
 }
-"""Shipped scenario -> seconds flown, ticks from row to row, what is set anew."""
+"""Shipped scenario -> seconds simulated, ticks from row to row, what is set anew."""
 
 TOLERANCE = 1e-9
 """Largest difference, of 1 or of the number where that is larger.
@@ -102,7 +102,7 @@ QUICK = {
     'full_six_modes': Digested('pd_full', 0.5, ('plant.modes=6',)),
     **{law: Digested(f'{law}_smooth', 2.0) for law in PLANNING},
 }
-"""Name -> what `make test` flies: some seconds in all."""
+"""Name -> what `make test` simulates: some seconds in all."""
 
 
 def _slow() -> dict[str, Digested]:
@@ -121,13 +121,13 @@ def _slow() -> dict[str, Digested]:
 
 
 SLOW = _slow()
-"""Name -> what only `make validate` flies, a minute in all."""
+"""Name -> what only `make validate` simulates, a minute in all."""
 
 DIGESTS = DIRECTORY / 'digests.json'
 
 
 def digest(case: Digested) -> str:
-    """Return the digest of a case flown today."""
+    """Return the digest of a case simulated today."""
     config = scenario.load(case.scenario, case.settings)
     config = replace(config, run=replace(config.run, duration=case.seconds), changes=case.changes)
     with tempfile.TemporaryDirectory() as directory:

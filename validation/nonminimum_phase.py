@@ -180,8 +180,8 @@ def run() -> Section:
     _draw_steps(section)
     _draw_places(section)
     section.say(
-        "How well the paper's picture, the rigid arm's motion a pure delay later, describes the "
-        "tip (root mean square of what is left, of that of the tip's own height; hubs as given):"
+        "Residual of the paper's model, the delayed motion of the rigid arm, as a description of "
+        'the tip (root mean square, relative to that of the height of the tip):'
     )
     rows = []
     for hub in (0.0, 8.0):

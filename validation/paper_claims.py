@@ -17,9 +17,9 @@ The paper's claims under one changed assumption at a time: the tables of docs/pa
 
     python -m validation.paper_claims                # all rows; writes docs/data, docs/paper.md
     python -m validation.paper_claims --only full_3  # one row, printed
-    python -m validation.paper_claims --tables       # docs/paper.md from docs/data, nothing flown
+    python -m validation.paper_claims --tables       # docs/paper.md from docs/data only
 
-Each row flies the paper's ten cases (config/paper.yaml) with some parameters set anew and
+Each row runs the paper's ten cases (config/paper.yaml) with some parameters set anew and
 judges the claims as they are written there, without changing a limit.  All rows take some
 ten minutes on two cores, nine of ten for those with a tick of 0.02 ms.
 """
@@ -53,7 +53,7 @@ def _fly(task: tuple[str, tuple[str, ...]]) -> dict[str, Any]:
 
 
 def compute(chosen: list[Variant], workers: int) -> list[Row]:
-    """Fly all cases of the variants and judge them."""
+    """Simulate all cases of the variants and judge them."""
     cases = [case.name for case in suite.load('paper').cases]
     tasks = {(case, v.overrides(case)): None for v in chosen for case in cases}
     context = multiprocessing.get_context('spawn')
@@ -70,7 +70,7 @@ def compute(chosen: list[Variant], workers: int) -> list[Row]:
 
 
 def main() -> int:
-    """Fly, judge, and write or print."""
+    """Simulate, judge, and write or print."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--only', nargs='+', metavar='ROW', help='these rows, printed only')
     parser.add_argument('--tables', action='store_true', help='the page from the table, no runs')

@@ -141,7 +141,7 @@ def read_csv(path: Path) -> list[Row]:
             runs.setdefault(line['variant'], {})[line['case']] = run
     known = {variant.name: variant for variant in variants()}
     if set(runs) != set(known):
-        raise SystemExit(f'{path}: its rows are not those of this program; fly them anew')
+        raise SystemExit(f'{path}: its rows are not those of this program; simulate them anew')
     return [judge(variant, runs[name]) for name, variant in known.items()]
 
 

@@ -74,7 +74,7 @@ class Variant:
         return (*self.settings, *own)
 
     def command(self, case: str = 'fls_tip') -> str:
-        """Return the command that flies one of the ten cases."""
+        """Return the command that runs one of the ten cases."""
         sets = ''.join(f' --set "{text}"' if ' ' in text or '[' in text else f' --set {text}'
                        for text in self.overrides(case))  # fmt: skip
         return f'flexarm simulate {case}{sets}'

@@ -132,4 +132,4 @@ def _draw(section: Section) -> None:
     axis.set_xlabel('time, s')
     axis.set_ylabel('mm')
     axis.legend()
-    section.picture('t1s', figure, 'End deflection of link 1 in T1S, ours on the reference')
+    section.picture('t1s', figure, 'End deflection of link 1 in T1S and its reference')

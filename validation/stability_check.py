@@ -55,7 +55,7 @@ def metric(found: dict[str, Any], name: str) -> Any:
 
 
 def fly_swept(name: str, number: int) -> Row:
-    """Fly one row of a sweep again."""
+    """Run one row of a sweep again."""
     sweep = load_sweep(ROOT / 'config' / f'stability_{name}.yaml')
     case = sweep.case(number)
     found = run_task(sweep.bases, (number, case.base, case.overrides))

@@ -91,6 +91,6 @@ def lines() -> Lines:
 
     return table(
         ('law', 'latency of', 'ms', 'growth at rest, 1/s', 'at, rad/s',
-         'flown: square and hold, largest tip error of the last 10 s'),
+         'simulated: square and hold, largest tip error of the last 10 s'),
         cells(),
     )  # fmt: skip

@@ -100,7 +100,7 @@ def tip_config(law: str, location: float = 9.0, **plant: Any) -> RunConfig:
 
 
 def sweeps() -> None:
-    """Fly the sweeps and keep their tables."""
+    """Run the sweeps and keep their tables."""
     for name in SWEEPS:
         out = ROOT / 'runs' / f'stability_{name}'
         command = ['sweep', str(ROOT / 'config' / f'stability_{name}.yaml'), '--out', str(out)]
@@ -191,7 +191,7 @@ def hubs() -> None:
 
 
 def speed_row(task: tuple[str, float, float]) -> Row:
-    """Return the flown boundary of one side at one speed, beside the linear one."""
+    """Return the simulated boundary of one side at one speed, beside the linear one."""
     law, location, side_time = task
     config = tip_config(law, location)
     linear = boundary.linear_boundary(config)

@@ -43,7 +43,7 @@ HUB = 'plant.hub_inertia'
 
 
 def bound(rows: Table) -> str:
-    """Return between which latencies, ms, a column of flown runs stops being stable."""
+    """Return between which latencies, ms, a column of simulated runs stops being stable."""
     last = ''
     for row in rows:
         value = f'{1e3 * float(row[LATENCY]):g}'
@@ -54,11 +54,11 @@ def bound(rows: Table) -> str:
 
 
 def boundary_lines() -> Lines:
-    """Boundaries over the sensor's place: linear, and flown at three speeds."""
+    """Boundaries over the sensor's place: linear, and simulated at three speeds."""
     rows = [r for r in read('boundary') if float(r['location_m']) % 0.75 == 0.0]
     return table(
-        ('law', 'sensor, m', 'linear, worst pose', 'flown at rest, that pose', 'flown, 0.3 m/s',
-         'flown, 3.15 m/s', 'linear, best pose', 'linear, worst pose, gain 5'),
+        ('law', 'sensor, m', 'linear, worst pose', 'simulated at rest, that pose',
+         'simulated, 0.3 m/s', 'simulated, 3.15 m/s', 'linear, best pose', 'linear, worst pose, gain 5'),
         (
             (law(r), r['location_m'], *(delay(r[k]) for k in (
                 'linear_least_ms', 'hold_ms', 'slow_ms', 'paper_ms', 'linear_most_ms')),
@@ -140,7 +140,7 @@ def correction_lines() -> Lines:
 
 
 def hub_lines() -> Lines:
-    """Boundaries and flights over the hubs' inertia, sensor at the tip."""
+    """Boundaries and runs over the hubs' inertia, sensor at the tip."""
     flown = {
         (r['scenario'].removesuffix('_tip'), float(r[HUB]), r[LATENCY]): r
         for r in read('hub', **{SOURCE: 'feedback'})
@@ -158,7 +158,7 @@ def hub_lines() -> Lines:
                    number(row['collocated_gain_limit']), *seen)  # fmt: skip
 
     return table(
-        ('law', 'hubs, kg m²', 'linear, worst pose', 'flown at rest', 'flown, 3.15 m/s',
+        ('law', 'hubs, kg m²', 'linear, worst pose', 'simulated at rest', 'simulated, 3.15 m/s',
          'linear, best pose', 'largest stable gain, collocated', 'overshoot, 1.238 ms',
          "tip's largest error"),
         cells(),
@@ -166,7 +166,7 @@ def hub_lines() -> Lines:
 
 
 def agreement_lines() -> Lines:
-    """How flown runs ended where the linear analysis says stable, at some poses, unstable."""
+    """How simulated runs ended where the linear analysis says stable, at some poses, unstable."""
     linear = {
         (f"{r['law']}_tip", float(r['location_m'])): (
             float(r['linear_least_ms'] or 'inf'), float(r['linear_most_ms'] or 'inf'))
@@ -191,11 +191,13 @@ def agreement_lines() -> Lines:
                     for said in ('all', 'some', 'none')
                 ))  # fmt: skip
 
-    return table(('law', 'flown at', 'linear: stable at all poses', 'at some', 'at none'), cells())
+    return table(
+        ('law', 'simulated at', 'linear: stable at all poses', 'at some', 'at none'), cells()
+    )
 
 
 def speed_lines() -> Lines:
-    """Flown boundaries against speed."""
+    """Return simulated boundaries against speed."""
     rows = read('speed')
     speeds = list(dict.fromkeys(r['speed_m_s'] for r in rows))[::-1]
 

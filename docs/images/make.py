@@ -66,7 +66,7 @@ def photograph(page: Path, picture: Path, work: Path) -> None:
 
 
 def main() -> None:
-    """Fly the paper's cases at the tip and the sweep of a how-to; draw them."""
+    """Simulate the paper's cases at the tip and the sweep of a how-to; draw them."""
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
         for case in CASES:

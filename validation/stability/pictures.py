@@ -86,8 +86,8 @@ def _flown_dots(axis: Axes, rows: Rows, x_name: str) -> None:
     """Mark each simulated run by its outcome."""
     x, y = column(rows, x_name), 1e3 * column(rows, 'tip_sensor.latency')
     stable = np.array([row['outcome'] == 'stable' for row in rows])
-    axis.plot(x[stable], y[stable], 'o', color=GREEN, ms=4, mfc='white', label='flown: stable')
-    axis.plot(x[~stable], y[~stable], 'x', color=ORANGE, ms=4.5, label='flown: unstable')
+    axis.plot(x[stable], y[stable], 'o', color=GREEN, ms=4, mfc='white', label='simulated: stable')
+    axis.plot(x[~stable], y[~stable], 'x', color=ORANGE, ms=4.5, label='simulated: unstable')
 
 
 def _latency_axis(axis: Axes) -> None:
@@ -117,14 +117,14 @@ def _predicted(axis: Axes, x: Any, lines: Rows) -> None:
 def _flown_at_rest(axis: Axes, x: Any, lines: Rows) -> None:
     axis.plot(
         x, column(lines, 'hold_ms', BEYOND_MS), '.', color=BLACK, ms=4,
-        label='flown: boundary at rest, worst pose',
+        label='simulated: boundary at rest, worst pose',
     )  # fmt: skip
 
 
 def _flown_at_speed(axis: Axes, x: Any, lines: Rows) -> None:
     axis.plot(
         x, column(lines, 'paper_ms', BEYOND_MS), color=ORANGE, ls='--', lw=1.6,
-        label="flown: boundary, the paper's 3.15 m/s",
+        label="simulated: boundary, the paper's 3.15 m/s",
     )  # fmt: skip
 
 
@@ -148,7 +148,7 @@ def location_latency(data: Path) -> Figure:
         _flown_at_rest(axis, x, lines)
         axis.plot(
             x, column(lines, 'slow_ms', BEYOND_MS), color=AMBER, ls='-.', lw=1.6,
-            label='flown: boundary, 0.3 m/s',
+            label='simulated: boundary, 0.3 m/s',
         )  # fmt: skip
         _flown_at_speed(axis, x, lines)
         _flown_dots(axis, flown, 'tip_sensor.location')
@@ -219,7 +219,7 @@ def speed(data: Path) -> Figure:
     axis.set(
         xscale='log', yscale='log', xlabel='speed along one side, m/s', ylim=(0.55, 40.0),
         ylabel='latency at which the run diverges, ms',
-        title='Flown boundaries against speed (dotted: linear, worst pose; band: all poses)',
+        title='Simulated boundaries against speed (dotted: linear, worst pose; band: all poses)',
     )  # fmt: skip
     axis.set_yticks([1, 2, 3, 5, 10, 20, 30], ['1', '2', '3', '5', '10', '20', '30'])
     axis.legend(loc='upper left')
