@@ -26,7 +26,8 @@ import subprocess
 import sys
 
 from flexarm_ros.launcher.fork.parent import Adopted, can_fork, NotForked, start
-from nodetools import flexarm, flexarm_here, wait_for
+from flexarm_ros.launcher.processes import NodeProcesses
+from nodetools import flexarm_here, ROLES, wait_for
 import pytest
 from repository import PATH
 
@@ -171,10 +172,19 @@ def test_a_run_with_and_without(
             'if "flexarm_ros.launcher.fork.server" in sys.orig_argv:\n'
             '    os.fork = fork\n'
         )
-        monkeypatch.setenv('PYTHONPATH', str(folder))
-    done = flexarm('run', 'fls_tip', '--set', 'duration=0.3', '--no-pictures',
+        monkeypatch.syspath_prepend(folder)
+    exits: dict[str, int] = {}
+    close = NodeProcesses.__exit__
+
+    def closing(self: NodeProcesses, *error: object) -> None:
+        close(self, *error)
+        exits.update(self.exits)
+
+    monkeypatch.setattr(NodeProcesses, '__exit__', closing)
+    done = flexarm_here('run', 'fls_tip', '--set', 'duration=0.3', '--no-pictures',
                         '--out', tmp_path / 'run')  # fmt: skip
     assert done.returncode == 0, done.stderr
+    assert exits == dict.fromkeys(ROLES, 0)  # not by SIGSEGV when all is done
     start_log = tmp_path / 'run' / 'logs' / 'start.log'
     assert start_log.exists() is not forks
     if not forks:

@@ -26,7 +26,9 @@ so each child finds the interpreter warmed up by the others, unlike processes st
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Sequence
+from contextlib import suppress
 import ctypes
 import gc
 from importlib import import_module
@@ -35,7 +37,9 @@ import os
 import runpy
 import signal
 import sys
-from typing import Any
+import threading
+import traceback
+from typing import Any, NoReturn
 import warnings
 
 from flexarm_ros.core.warned import allow_warnings
@@ -112,7 +116,7 @@ def main() -> int:
             if not os.read(gate, 1):
                 return 1  # no client for this process
             os.close(gate)
-            return _be(child['command'])
+            become(child['command'])
         pids[child['name']] = pid
     print(json.dumps(pids), flush=True)
     os.write(opener, b'.' * len(pids))
@@ -140,14 +144,39 @@ def _take_files(files: Sequence[int], children: Sequence[dict[str, Any]]) -> Non
         os.close(descriptor)
 
 
-def _be(command: list[str]) -> int:
-    """Run as ``python -m MODULE ...`` would."""
+def become(command: list[str]) -> NoReturn:
+    """Run as ``python -m MODULE ...`` would, in a session of its own, and end."""
     os.setsid()
     show_command(command)
     sys.orig_argv[:] = command
     sys.argv[1:] = command[3:]
-    runpy.run_module(command[2], run_name='__main__', alter_sys=True)
-    return 0
+    status: object = 1
+    try:
+        runpy.run_module(command[2], run_name='__main__', alter_sys=True)
+        status = 0
+    except SystemExit as leave:
+        status = leave.code or 0
+    except BaseException:
+        traceback.print_exc()
+    _leave(status)
+
+
+def _leave(status: object) -> NoReturn:
+    """
+    End as Python does, without the exit handlers of C libraries.
+
+    That of LTTng, which rclpy links, cancels threads that a fork does not have: SIGSEGV.
+    """
+    if not isinstance(status, int):
+        print(status, file=sys.stderr)
+        status = 1
+    with suppress(BaseException):
+        threading._shutdown()  # waits for threads
+        atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status & 0xFF)
 
 
 if __name__ == '__main__':
