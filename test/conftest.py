@@ -19,11 +19,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 import os
 import runpy
+import subprocess
 from typing import Any
 
 import hypothesis
 from leftovers import expect_no_leftovers, MARK, SESSION
 import pytest
+from quickstart import Popen, QuickPopen, Template
 from repository import STANDIN
 from strangertools import registry, site, stranger  # noqa: F401 - fixtures
 
@@ -49,7 +51,21 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
             patch.setenv('PYTHONPATH', str(STANDIN.parent), prepend=os.pathsep)
             patch.syspath_prepend(str(STANDIN.parent))  # which `flexarm_here` gives to nodes
         patch.delenv('ROS_DOMAIN_ID', raising=False)
+        QuickPopen.template = Template()
+        patch.setattr(subprocess, 'Popen', QuickPopen)
         yield
+        QuickPopen.template.close()
+
+
+@pytest.fixture
+def fresh_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every process of a test start as it does for a user; see `quickstart`."""
+    monkeypatch.setattr(subprocess, 'Popen', Popen)
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    if item.get_closest_marker('essential') and isinstance(item, pytest.Function):
+        item.fixturenames.append('fresh_processes')
 
 
 @pytest.fixture

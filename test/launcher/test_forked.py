@@ -31,6 +31,8 @@ from nodetools import flexarm_here, ROLES, wait_for
 import pytest
 from repository import PATH
 
+pytestmark = pytest.mark.usefixtures('fresh_processes')
+
 ENV = {**os.environ, 'PYTHONPATH': PATH}
 
 

@@ -26,6 +26,8 @@ import uuid
 
 MARK = 'FLEXARM_TEST_SESSION'
 SESSION = uuid.uuid4().hex
+_STAYING = ('multiprocessing.resource_tracker', 'multiprocessing.forkserver', 'starttemplate')
+"""Once started, they stay as long as pytest does."""
 
 
 def expect_no_leftovers() -> None:
@@ -59,8 +61,7 @@ def leftovers() -> dict[int, str]:
             line = (process / 'cmdline').read_bytes().replace(b'\0', b' ').decode(errors='replace')
         except OSError:
             continue  # it has ended, or is somebody else's
-        # Python's resource tracker and fork server, once started, stay as long as pytest does.
-        if 'multiprocessing.resource_tracker' in line or 'multiprocessing.forkserver' in line:
+        if any(name in line for name in _STAYING):
             continue
         if state not in 'ZX' and int(process.name) != os.getpid():
             found[int(process.name)] = line.strip()

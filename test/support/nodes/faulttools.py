@@ -21,6 +21,7 @@ import json
 import os
 from pathlib import Path
 import re
+import subprocess
 import sys
 import time
 
@@ -37,6 +38,7 @@ from flexarm_ros.scenario.suites.suite import Fault
 from flexarm_ros.wire.topics import per_tick_topics
 from mcap.reader import make_reader
 import pytest
+from quickstart import Popen
 from rclpy import get_rmw_implementation_identifier
 from respawntools import RestartPlan, Spare
 from rosbags.highlevel import AnyReader
@@ -49,6 +51,9 @@ NODE = Path(__file__).with_name('faulty_node.py')
 
 TICK_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 20.0
+SPARE_TIMEOUT_S = 8.0
+"""The same where a node is started again, which waits for it when the others have gone."""
+
 UNREAD_TICKS = 60
 """What a node has sent in the recorder's last 20 ms is gone when it ends without a word."""
 
@@ -93,9 +98,10 @@ def faulty_run(
     patch: pytest.MonkeyPatch, directory: Path, role: str, fault: str, tick: int
 ) -> Faulted:
     """Fly half a second of ``fls_tip`` with one fault in the node ``role`` at ``tick``."""
+    limit = SPARE_TIMEOUT_S if fault == 'restart' else START_TIMEOUT_S
     config = scenario.load(
         'fls_tip',
-        ['duration=0.5', f'tick_timeout={TICK_TIMEOUT_S}', f'start_timeout={START_TIMEOUT_S}',
+        ['duration=0.5', f'tick_timeout={TICK_TIMEOUT_S}', f'start_timeout={limit}',
          f'recorder.chunk_time={CHUNK_TICKS / 1000}'],
     )  # fmt: skip
     spare: Spare | None = None
@@ -132,6 +138,7 @@ def faulty_run(
     timeline = Timeline.of(config.run)
     plan = None
     if fault == 'restart':
+        patch.setattr(subprocess, 'Popen', Popen)  # the spare reads the node's environment
         plan = RestartPlan([Fault(tick / 1000, role, 'kill')], timeline)
         plan.spare = spare = Spare(directory.with_name('spare.log'))
     elif fault in SIGNALS:
@@ -220,10 +227,10 @@ def check_spare(done: Faulted) -> None:
     """See that the node that was started again leaves with one clear line, and changes nothing."""
     assert done.spare is not None
     before = contents(done.directory)
-    said = done.spare.end(2 * START_TIMEOUT_S + 30.0 * load())
+    said = done.spare.end(2 * SPARE_TIMEOUT_S + 30.0 * load())
     assert done.spare.process.returncode == 1, said
     (line,) = said.splitlines()
-    assert re.search(r'refused: |start: no \S.* joined within 20 s', line), said
+    assert re.search(r'refused: |start: no \S.* joined within 8 s', line), said
     assert contents(done.directory) == before
 
 
