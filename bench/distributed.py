@@ -41,6 +41,7 @@ _NAMES = {
     'serialization': 'serialization (CDR to bytes and back)',
     'DDS hop': 'DDS hop: publish and take',
     'DDS threads': "DDS hop: the middleware's own threads",
+    'fused step': 'fused steps (checks, sensors and control law, serialization)',
     'physics and control': 'physics, sensors, reference and control law',
     'recording': 'recording (collecting, compressing, writing)',
 }

@@ -40,6 +40,7 @@ from flexarm_ros.nodes import process
 from flexarm_ros.nodes.runtime import ending, participant
 from flexarm_ros.nodes.runtime.member import Member
 from flexarm_ros.nodes.runtime.topics import channels, endpoints
+from flexarm_ros.wire import fused_step
 
 PARTS: dict[str, int] = {}
 """Part -> nanoseconds of processor time."""
@@ -121,13 +122,15 @@ def wrap() -> None:
         (channels.Input, '_judge_block', 'serialization'),
     ):
         setattr(owner, name, timed(getattr(owner, name), part))
+    bind = fused_step.bound
+    fused_step.bound = lambda *args, **words: timed(bind(*args, **words), 'fused step')
     configure_output, configure_input = channels.Output.configure, channels.Input.configure
     make_input = channels.Input.__init__
 
     def output(self: Any, *args: Any) -> None:
         configure_output(self, *args)
         self._encode = timed(self._encode, 'serialization')
-        self._publish = timed(self._publish, 'DDS hop')
+        self.publish = timed(self.publish, 'DDS hop')
 
     def reader(self: Any, *args: Any) -> None:
         configure_input(self, *args)

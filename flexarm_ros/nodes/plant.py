@@ -31,13 +31,16 @@ from flexarm_ros.nodes.realtime.free import RECORDER_WINDOW as RECORDER_WINDOW_F
 from flexarm_ros.nodes.realtime.system import ask, SYSTEM_KEYS
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
+from flexarm_ros.nodes.runtime.fast_path import FastInputs
 from flexarm_ros.nodes.runtime.joining.status import Phase, PRIORITY
 from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.runtime.topics.channels import Input, Output
+from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.wire.topics import applied, TIMING, Topic
+from flexarm_ros.wire.fused_step import plant_step, PlantStep
+from flexarm_ros.wire.topics import applied, per_tick_topics, TIMING, Topic
 
 RECORDER_WINDOW = 256
 """Maximum number of ticks ahead of the recorder, well below the queue depth of the topics."""
@@ -105,6 +108,10 @@ class PlantNode(Participant):
         self._missing = self._command
         self._window = recorder_window(self.timeline.period_ns)
         self._free = self._free_run()
+        self._fused: PlantStep | None = None
+        if self.alone:
+            self._fused = plant_step(self.plant, self.config, per_tick_topics(self.config))
+        self._fast: FastInputs | None = None
         self._sent = False
         self._reported_hold = False
 
@@ -167,6 +174,43 @@ class PlantNode(Participant):
         self._send()
         self._sent = True
         return True
+
+    def advance_fast(self, waiter: Waiter, until: float) -> None:
+        """Integrate and publish by the fused step."""
+        fused = self._fused
+        if fused is None or not self._sent:
+            return
+        if self._fast is None:
+            self._fast = FastInputs(self._read, [fused.command], waiter)
+        fast, last = self._fast, self.final_tick
+        if not fast.usable(self.tick):
+            return
+        try:
+            while self._sent and self.tick < last and not self.live.waiting:
+                if not fast.read():
+                    break
+                valid, *torque = fused.torque(self.tick)
+                if not valid:
+                    break
+                fast.accept()
+                self._sent = False
+                if not self._integrate([torque]) or self._held(self.tick):
+                    break
+                self._send_fused(fused)
+                self._sent = True
+                if self.waiting.progress() >= until:
+                    break
+        finally:
+            fast.leave(self.tick)
+
+    def _send_fused(self, fused: PlantStep) -> None:
+        tick = self.tick
+        if tick % TICK_EVERY == 0:
+            self._reached.tell(tick)
+        fused.write(tick, *self.plant.deflections())
+        self._state.publish(fused.state.bytes())
+        if tick % self._time.topic.every == 0:
+            self._time.publish(fused.clock.bytes())
 
     def _integrate(self, held: Sequence[Sequence[float]]) -> bool:
         """Integrate to the next tick with constant inputs; False if the arm is unstable there."""

@@ -141,7 +141,7 @@ def _run(names: list[str], argv: list[str], supervisor: Supervisor) -> int:
             executor.shutdown(timeout_sec=1.0)
             services.join(timeout=1.0)
             for node in nodes:
-                node.log_invalid()
+                node.log_totals()
                 node.destroy_node()
     return status
 

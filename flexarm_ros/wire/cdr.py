@@ -107,14 +107,16 @@ class Codec:
         self.fields = tuple(fields)
         self.size = len(image.data)
         self.template = bytes(image.data)
-        self._runs = image.runs
+        self.runs = tuple(image.runs)
+        """Offset in bytes and length of each run of float64."""
         *self._starts, slots = accumulate((count for _, count in image.runs), initial=0)
         if slots != len(self.fields):
             raise ValueError(f'{type_name}: {slots} slots for {len(self.fields)} fields')
         self._compile(image)
         self._constant = np.frombuffer(self.template, np.uint8)
-        self._fixed = np.frombuffer(bytes(0xFF * byte for byte in image.fixed), np.uint8)
-        runs = {f'run{i}': (f'({count},)<f8', at) for i, (at, count) in enumerate(self._runs)}
+        self.fixed = np.frombuffer(bytes(0xFF * byte for byte in image.fixed), np.uint8)
+        """Mask of the constant bytes, which every message of this layout has."""
+        runs = {f'run{i}': (f'({count},)<f8', at) for i, (at, count) in enumerate(self.runs)}
         parts = {'sec': ('<i4', _STAMP_OFFSET), 'nanosec': ('<u4', _STAMP_OFFSET + 4), **runs}
         self.record = np.dtype({
             'names': list(parts), 'formats': [form for form, _ in parts.values()],
@@ -194,7 +196,7 @@ class Codec:
         """
         records['sec'] = seconds = stamps // _NS
         records['nanosec'] = stamps - seconds * _NS
-        for i, ((_, count), start) in enumerate(zip(self._runs, self._starts, strict=True)):
+        for i, ((_, count), start) in enumerate(zip(self.runs, self._starts, strict=True)):
             records[f'run{i}'] = values[:, start : start + count]
 
     def decode_block(self, messages: Sequence[bytes]) -> tuple[IntArray, FloatArray]:
@@ -208,7 +210,7 @@ class Codec:
         whole = b''.join(messages)
         if len(whole) == count * self.size and set(map(len, messages)) <= {self.size}:
             rows = np.frombuffer(whole, np.uint8).reshape(count, self.size)
-            if not ((rows ^ self._constant) & self._fixed).any():
+            if not ((rows ^ self._constant) & self.fixed).any():
                 return self._fields_of(np.frombuffer(whole, self.record))
         stamps, values = np.empty(count, np.int64), np.empty((count, len(self.fields)))
         for i, data in enumerate(messages):

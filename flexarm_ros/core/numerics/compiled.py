@@ -28,6 +28,7 @@ sqrt.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, cast, Literal, TypeVar
 
 from flexarm_ros import code_cache
@@ -81,6 +82,19 @@ def inlined(function: F) -> F:
     For functions that take records of many arrays: a call counts the references of each.
     """
     return _compiled(function, 'always')
+
+
+def bound(function: Callable[..., Any], *records: Any, example: tuple[Any, ...]) -> Any:
+    """
+    Return ``function(*records, ...)`` as a function of its last arguments, for many calls.
+
+    ``example``: last arguments of the types that it is called with.  numba's dispatcher, which
+    looks for the code of the arguments' types at each call, is left out.
+    """
+    if not isinstance(function, numba.core.dispatcher.Dispatcher):
+        return partial(function, *records)
+    types = tuple(map(numba.typeof, (*records, *example)))
+    return partial(function.compile(types), *records)
 
 
 def _compiled(function: F, inline: Literal['never', 'always']) -> F:

@@ -133,6 +133,10 @@ class LatencyChannel:
         for line in self._lines:
             line.set_latency_ns(self.ns if self._schedule is None else self._part_ns)
 
+    def follow(self) -> None:
+        """Continue after ticks of compiled code, which has used the `record` of this latency."""
+        self._used_ns = self.ns
+
     def record(self) -> Line:
         """Return the line of the first four values for compiled code."""
         return self._lines[0].record()

@@ -122,6 +122,11 @@ class Encoder:
         self.held = (stamp, a, b, c, d)
         return self.held
 
+    def follow(self, measurement: Measurement) -> None:
+        """Continue after ticks of compiled code, of which ``measurement`` was the last answer."""
+        self.held = measurement
+        self.channel.follow()
+
     def record(self) -> Readout:
         """Return the sensor for compiled code, with the parameters of this tick."""
         channel = self.channel
@@ -174,6 +179,11 @@ class TipSensor:
                 x, y = read_out(x, y, self.noise_std, *self.noise.pair(), 0.0)
             self.held = (stamp, x, y, vx, vy)
         return self.held
+
+    def follow(self, measurement: Measurement) -> None:
+        """Continue after ticks of compiled code, of which ``measurement`` was the last answer."""
+        self.held = measurement
+        self.channel.follow()
 
     def record(self) -> Readout:
         """Return the sensor for compiled code, with the parameters of this tick."""

@@ -97,13 +97,16 @@ def main() -> int:
     allow_warnings()  # before anything else is imported
     from flexarm_ros import scenario
     from flexarm_ros.core.run.warmup import warm_up
+    from flexarm_ros.wire.fused_step import warm_up_steps
 
     request = json.load(sys.stdin)
     show_command(sys.orig_argv)  # if this fails, nothing is forked
     for name in request['modules']:
         import_module(name)
     if request['scenario']:
-        warm_up(scenario.load(request['scenario'], []))
+        config = scenario.load(request['scenario'], [])
+        warm_up(config)
+        warm_up_steps(config)
     gc.collect()
     gc.freeze()  # imported objects are shared: a collection that visits them would copy them
     gate, opener = os.pipe()

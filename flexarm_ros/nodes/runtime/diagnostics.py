@@ -16,8 +16,8 @@
 ``/diagnostics``: the state of each participant of a run, once per second of wall time.
 
 Every node reports on itself, from the thread that serves parameters, so that no tick waits for it:
-phase and tick, real-time factor, longest wait, number of rejected messages.  The plant adds the
-state of each participant, including missing ones.
+phase and tick, ticks on the fast path, real-time factor, longest wait, number of rejected
+messages.  The plant adds the state of each participant, including missing ones.
 """
 
 from __future__ import annotations
@@ -91,6 +91,7 @@ class Diagnostics:
         return {
             'phase': me.board.mine.phase.value,
             'tick': str(tick),
+            'ticks on the fast path': str(me.fast_ticks),
             'ticks of the run': str(timeline.ticks),
             'real-time factor': f'{factor:.3f}',
             'tick latency mean (ms)': f'{1e3 * elapsed / ticks:.3f}' if ticks else '',

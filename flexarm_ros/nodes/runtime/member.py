@@ -82,6 +82,8 @@ class Member:
     """Set by the launcher's SIGUSR1 while the plant waits at a tick of ``hold_at``."""
     crashed: str = ''
     """An exception in a service's callback, reported by the thread that serves them."""
+    fast_ticks: int = 0
+    """Number of ticks answered on the fast path (`flexarm_ros.nodes.runtime.fast_path`)."""
     invalid: int = 0
     """Number of rejected messages."""
     missing: str = ''

@@ -41,11 +41,13 @@ class Waiting:
         self._me, self._membership = me, membership
         self._since = self._ready_at = self._polled = time.monotonic()
 
-    def progress(self) -> None:
-        """Record that this node has advanced."""
+    def progress(self) -> float:
+        """Record that this node has advanced; return the time."""
         now = time.monotonic()
-        self._me.longest_wait_s = max(self._me.longest_wait_s, now - self._since)
+        if now - self._since > self._me.longest_wait_s:
+            self._me.longest_wait_s = now - self._since
         self._since = now
+        return now
 
     def restart(self) -> None:
         """Count the limits from now on."""

@@ -58,7 +58,8 @@ class Output:
         """Use the message layout of the agreed scenario."""
         self.topic = topic
         self._encode = topic.codec.encode
-        self._publish = self.publisher.handle.publish_raw  # `publish` checks the type each time
+        self.publish = self.publisher.handle.publish_raw
+        """Publish bytes as they are; the publisher's own method checks their type each time."""
 
     def send(self, stamp_ns: int, *values: float) -> None:
         """Publish one message with the values in the order of the codec's fields."""
@@ -66,7 +67,7 @@ class Output:
         for entry in self.near:
             entry.arrived.append((data, stamp_ns, values))
         if self._heard:
-            self._publish(data)
+            self.publish(data)
 
     def look(self) -> None:
         """Check for subscriptions besides the inputs of this process, served directly."""
@@ -93,6 +94,8 @@ class Input:
         )  # fmt: skip
         self.handle = self.subscription.handle
         self._take = self.handle.take_message
+        self._returned: deque[tuple[bytes, dict[str, Any]]] = deque()
+        """Messages that the fast path has taken and given back, with their infos."""
         self.arrived: deque[tuple[bytes, int, Values]] = deque()
         self.near = False
         """Whether the publisher, in this process, passes messages directly; see `connect`."""
@@ -123,6 +126,7 @@ class Input:
         """Gaps in the sequence numbers: since the last valid message, and since the last reset."""
         self.values: Values = ()
         self.arrived.clear()
+        self._returned.clear()
         self._last_stamp = -(2**63)
 
     @property
@@ -174,7 +178,7 @@ class Input:
         Raises RunFailed if a message between the last one and that of ``tick`` is lost.
         """
         for _ in range(_MOST_MESSAGES):
-            taken = self._take(self._type, True)
+            taken = self._returned.popleft() if self._returned else self._take(self._type, True)
             if taken is None:
                 return None
             data: bytes = taken[0]
@@ -183,6 +187,52 @@ class Input:
                 return data
             self._complain(self._unwanted)
         return None
+
+    # --- the fast path -------------------------------------------------------------------
+
+    @property
+    def plain(self) -> bool:
+        """
+        Whether `read_into` may read the next message.
+
+        The publisher must be a participant of the run that the messages identify, from whom the
+        last message has arrived.
+        """
+        known = self.accepted and not self._unnamed and self._sequence is not None
+        return bool(known) and not (self.near or self._rising or self._gap or self._returned)
+
+    def read_into(self, buffer: memoryview) -> bool | None:
+        """
+        Copy the next message to ``buffer``, if its length, sender and sequence number are right.
+
+        None if there is no message, False for another one, which is given back.  Layout, stamp and
+        values are still to be checked.
+        """
+        taken = self._take(self._type, True)
+        if taken is None:
+            return None
+        data, info = taken
+        number = self._sequence + 1  # type: ignore[operator]
+        if (
+            info['publication_sequence_number'] != number
+            or info['publisher_gid']['data'][:16] != self.accepted
+            or len(data) != len(buffer)
+        ):
+            self._returned.append(taken)
+            return False
+        buffer[:] = data
+        self._sequence, self._last_read = number, taken
+        return True
+
+    def give_back(self) -> None:
+        """Let `fetch` read the message that `read_into` has copied last."""
+        assert self._sequence is not None
+        self._sequence -= 1
+        self._returned.append(self._last_read)
+
+    def skip_to(self, tick: int) -> None:
+        """Expect the message of ``tick`` next: those before have been used on the fast path."""
+        self.tick = tick - 1
 
     def _ours(self, info: dict[str, Any]) -> bool:
         """Whether a message comes from this run's publisher of the topic."""
@@ -295,12 +345,33 @@ class Input:
             for _ in range(min(most, len(self.arrived))):
                 taken.append(self.arrived.popleft()[0])
             return
+        if self.plain:
+            self._take_plain(most, taken)
+            if not self._returned:
+                return
         known = self._unnamed or self.accepted
-        for tick in range(self.tick + 1, self.tick + 1 + (most if known else 1)):
+        last = self.tick + 1 + (most if known else 1)
+        for tick in range(self.tick + 1 + len(taken), last):
             data = self._next(tick)
             if data is None:
                 return
             taken.append(data)
+
+    def _take_plain(self, most: int, taken: list[bytes]) -> None:
+        """Do the same as `_take_block`, until a message is not the publisher's next one."""
+        take, kind, sender, number = self._take, self._type, self.accepted, self._sequence
+        assert number is not None
+        while len(taken) < most and (found := take(kind, True)) is not None:
+            data, info = found
+            if (
+                info['publication_sequence_number'] != number + 1
+                or info['publisher_gid']['data'][:16] != sender
+            ):
+                self._returned.append(found)
+                break
+            number += 1
+            taken.append(data)
+        self._sequence = number
 
     def _judge_block(self, messages: Sequence[bytes]) -> bool:
         """Accept these as the messages of the next ticks; False without effect if one is not."""

@@ -1,0 +1,368 @@
+# Copyright 2026 The flexarm_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The fused node step: from the bytes of a tick's messages to the bytes of the answer, compiled.
+
+A node of a lock-step run does little arithmetic per tick, 1 us of some 100 us.  Most of its own
+time is Python between taking a message and publishing the answer: decoding to Python numbers,
+comparing, a dozen calls, converting numbers for a compiled function and back, encoding.  In a
+process of its own this code is cold at every tick and takes several times what a loop over it
+takes.  Here one compiled call per tick checks the messages, computes, and writes the answer.
+
+What it does
+    Messages are copied into buffers which stay at one place (`Buffer`), so that the compiled
+    function is called with the tick alone.  It compares each message with the template of its
+    codec (`flexarm_ros.wire.cdr`), checks stamp and finiteness, calls the compiled functions of
+    the parts, and puts stamp and values into the buffer of the answer.  There is no formula of its
+    own: `delayed`, `sensed_point`, `read_out`, `transpose_law`, `step_eq14`, `step`, `is_stable`
+    are those that the parts, the loop in one process and `flexarm_ros.core.run.kernel` call as
+    well, so that the bytes are the same.
+
+What it does not do
+    A call returns False, and has changed nothing, for anything but a plain tick: another layout,
+    a wrong stamp, a value that is not finite, an arm that becomes unstable, a torque that is not
+    finite.  The node then gives the messages back and treats the tick in Python, where each check
+    is made again, and where a fault gets its text.  So the fast path can only accept what the
+    Python path accepts, and reports nothing.
+
+Which nodes
+    `answer_step` and `plant_step` return None for what has no fused step: a law in Python, a
+    sensor with noise, sample rate, jitter, loss or offset, several tip sensors, a delayed or
+    slower controller, drives, disturbances, parts of other packages, a free-running run.  Such a
+    node takes each tick in Python.  Sender and sequence number are not in the bytes: they are
+    checked where messages are taken (`flexarm_ros.nodes.runtime.fast_path`).
+
+Alignment
+    CDR aligns from the end of its header of four bytes.  A message is copied to byte 4 of a
+    buffer of float64, so that its values are elements of the buffer.  The layout is compared eight
+    bytes at a time, under a mask that leaves out padding, stamp and values.
+
+Calls
+    numba's dispatcher looks at the type of each argument at each call, which takes ten times as
+    long as to convert them: `flexarm_ros.core.numerics.compiled.bound` calls the compiled code of
+    the types that a step has.  The records of a step are made anew after a live change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import math
+import sys
+from typing import NamedTuple
+
+from flexarm_ros.core.arm.kinematics import sensed_point, SensedPoint
+from flexarm_ros.core.arm.plant import Plant
+from flexarm_ros.core.control.pd import FlsLaw, PdLaw, transpose_law
+from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray
+from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run import part
+from flexarm_ros.core.run.make_plant import make_plant
+from flexarm_ros.core.run.parts import (
+    answering,
+    ControllerPart,
+    EncoderPart,
+    PlantPart,
+    TipSensorPart,
+)
+from flexarm_ros.core.sensing.delay import delayed
+from flexarm_ros.core.sensing.sensors import Encoder, read_out, Readout, TipSensor
+from flexarm_ros.core.timeline import T0_NS, Timeline
+from flexarm_ros.wire.cdr import Codec
+from flexarm_ros.wire.topics import per_tick_topics, Topic
+import numpy as np
+from numpy.typing import NDArray
+
+_HEADER, _NS = 4, 1_000_000_000
+_NO_POINT = SensedPoint(False, 0.0, 0.0, np.zeros((3, 1)), np.zeros((2, 0, 0)))
+
+
+class Message(NamedTuple):
+    """
+    A message in its buffer, for compiled code.
+
+    ``data``: the buffer; ``layout`` ``(2, n)``: constant bytes, and the mask of them;
+    ``first``, ``second``: elements of ``data`` where the codec's runs of ``count`` values begin,
+    the same if it has one; ``exact``: whether the stamp is that of the tick.
+    """
+
+    data: FloatArray
+    layout: NDArray[np.uint64]
+    first: int
+    second: int
+    count: int
+    exact: bool
+
+
+class Buffer:
+    """
+    The buffer of one topic's message, and its two ends.
+
+    ``put`` is where the bytes of a received message are copied to, ``bytes`` returns those of the
+    message in it.
+    """
+
+    def __init__(self, topic: Topic) -> None:
+        codec: Codec = topic.codec
+        size = -(-(_HEADER + codec.size) // 8)
+        self._data = np.zeros(size)
+        layout = np.zeros((2, size), np.uint64)
+        rows = layout.view(np.uint8)
+        held = slice(_HEADER, _HEADER + codec.size)
+        rows[0, held], rows[1, held] = np.frombuffer(codec.template, np.uint8), codec.fixed
+        self.put = memoryview(self._data).cast('B')[held]
+        self.put[:] = codec.template
+        self.bytes = self.put.tobytes
+        self._decode = codec.decode
+        starts = [(_HEADER + at) // 8 for at, _ in codec.runs] or [0]
+        count = codec.runs[0][1] if codec.runs else 0
+        self.message = Message(self._data, layout, starts[0], starts[-1], count, not topic.late)
+
+    def decode(self) -> tuple[int, tuple[float, ...]]:
+        """Return stamp (ns) and values of the message in the buffer."""
+        return self._decode(self.bytes())
+
+
+@compiled
+def is_plain(message: Message, due: int) -> bool:
+    """Return whether a message has its codec's layout, a valid stamp and finite values."""
+    words, differ = message.data.view(np.uint64), np.uint64(0)
+    for i in range(len(words)):
+        differ |= (words[i] ^ message.layout[0, i]) & message.layout[1, i]
+    stamp = message.data.view(np.uint32)[2:4]
+    found = np.int64(np.int32(stamp[0])) * _NS + np.int64(stamp[1])
+    if differ != 0 or found > due or (message.exact and found != due):
+        return False
+    total = 0.0
+    for i in range(message.count):
+        total += message.data[message.first + i] + message.data[message.second + i]
+    return math.isfinite(total)
+
+
+@compiled
+def four(message: Message) -> tuple[float, float, float, float]:
+    """Return the first two values of both runs."""
+    data, first, second = message.data, message.first, message.second
+    return data[first], data[first + 1], data[second], data[second + 1]
+
+
+@compiled
+def put_stamp(message: Message, stamp_ns: int) -> None:
+    """Set the stamp of a message."""
+    stamp = message.data.view(np.uint32)[2:4]
+    stamp[0], stamp[1] = stamp_ns // _NS, stamp_ns % _NS
+
+
+@compiled
+def put_four(message: Message, stamp_ns: int, a: float, b: float, c: float, d: float) -> None:
+    """Set the stamp and the first two values of both runs; of one run, to ``c`` and ``d``."""
+    put_stamp(message, stamp_ns)
+    data, first, second = message.data, message.first, message.second
+    data[first], data[first + 1] = a, b
+    data[second], data[second + 1] = c, d
+
+
+class SensorRecord(NamedTuple):
+    """The encoder, ``joints``, or the tip sensor, which measures ``point``."""
+
+    state: Message
+    measured: Message
+    period_ns: int
+    readout: Readout
+    joints: bool
+    point: SensedPoint
+
+
+@compiled
+def measure(record: SensorRecord, k: int) -> bool:
+    """Measure the state of tick ``k``."""
+    state, readout = record.state, record.readout
+    due = T0_NS + k * record.period_ns
+    if not is_plain(state, due):
+        return False
+    if record.joints:
+        a, b, c, d = four(state)
+    else:
+        n = state.count - 2  # the deflections follow the coordinates
+        q = state.data[state.first : state.first + n]
+        a, b, c, d = sensed_point(record.point, q, state.data[state.second : state.second + n])
+    a, b, c, d = delayed(readout.line, k, a, b, c, d)
+    a, b = read_out(a, b, 0.0, 0.0, 0.0, readout.resolution)
+    put_four(record.measured, due - readout.latency_ns, a, b, c, d)
+    return True
+
+
+class LawRecord(NamedTuple):
+    """The laws (20) and (21) with their inputs."""
+
+    tip: Message
+    encoder: Message
+    state: Message
+    reference: Message
+    torque: Message
+    period_ns: int
+    settings: NDArray[np.void]
+
+
+@compiled
+def control(record: LawRecord, k: int) -> bool:
+    """Compute the torques of tick ``k``."""
+    due, state = T0_NS + k * record.period_ns, record.state
+    plain = is_plain(record.tip, due) and is_plain(record.encoder, due)
+    if not (plain and is_plain(state, due) and is_plain(record.reference, due)):
+        return False
+    ends = state.first + state.count - 2
+    tau1, tau2, _ = transpose_law(
+        record.settings, four(state), (state.data[ends], state.data[ends + 1]),
+        four(record.encoder), four(record.tip), four(record.reference),
+    )  # fmt: skip
+    if not math.isfinite(tau1 + tau2):
+        return False
+    put_four(record.torque, due, tau1, tau2, tau1, tau2)
+    return True
+
+
+class PlantRecord(NamedTuple):
+    """The plant's state, in place, and its messages."""
+
+    torque: Message
+    state: Message
+    clock: Message
+    period_ns: int
+    q: FloatArray
+    qd: FloatArray
+
+
+@compiled
+def held_torque(record: PlantRecord, k: int) -> tuple[bool, float, float]:
+    """Return whether the torques of tick ``k`` are valid, and the torques, N m."""
+    torque = record.torque
+    valid = is_plain(torque, T0_NS + k * record.period_ns)
+    return valid, torque.data[torque.first], torque.data[torque.first + 1]
+
+
+@compiled
+def write_state(
+    record: PlantRecord, k: int, delta1: float, delta2: float, rate1: float, rate2: float
+) -> None:
+    """Write state and clock of tick ``k``, with the end deflections and their rates."""
+    stamp, n = T0_NS + k * record.period_ns, len(record.q)
+    put_stamp(record.state, stamp)
+    put_stamp(record.clock, stamp)
+    data, first, second = record.state.data, record.state.first, record.state.second
+    for i in range(n):
+        data[first + i], data[second + i] = record.q[i], record.qd[i]
+    data[first + n], data[first + n + 1] = delta1, delta2
+    data[second + n], data[second + n + 1] = rate1, rate2
+
+
+class FusedStep:
+    """
+    The step of an answering node.
+
+    ``compute(k)`` reads the messages of tick k from ``inputs`` and writes ``output``; False:
+    nothing has changed.
+    """
+
+    def __init__(
+        self, inputs: Sequence[Buffer], output: Buffer, compute: Callable[[int], bool],
+        sensor: Encoder | TipSensor | None = None,
+    ) -> None:  # fmt: skip
+        self.inputs, self.output, self.compute = inputs, output, compute
+        self._sensor = sensor
+
+    def leave(self) -> None:
+        """Let the part continue, in Python, after the tick of the last answer."""
+        if self._sensor is not None:
+            stamp, (a, b, c, d) = self.output.decode()
+            self._sensor.follow((stamp, a, b, c, d))
+
+
+def answer_step(
+    answer: part.Answer, reads: Sequence[Topic], writes: Sequence[Topic], period_ns: int
+) -> FusedStep | None:
+    """Return the step of an answering part with its topics; None if there is none."""
+    if sys.byteorder != 'little' or len(writes) != 1:
+        return None
+    inputs, output = tuple(Buffer(topic) for topic in reads), Buffer(writes[0])
+    said = [buffer.message for buffer in inputs]
+    if type(answer) is ControllerPart and type(answer.law) in (PdLaw, FlsLaw):
+        if len(reads) != len(ControllerPart.READS) or answer.every > 1 or answer.delay:
+            return None
+        assert isinstance(answer.law, PdLaw)
+        law = LawRecord(*said, output.message, period_ns, answer.law.settings)
+        return FusedStep(inputs, output, bound(control, law, example=(0,)))
+    sensor = _plain_sensor(answer)
+    if sensor is None:
+        return None
+    joints = isinstance(sensor, Encoder)
+    point = _NO_POINT if isinstance(sensor, Encoder) else sensor.point.record()
+    record = SensorRecord(said[0], output.message, period_ns, sensor.record(), joints, point)
+    return FusedStep(inputs, output, bound(measure, record, example=(0,)), sensor)
+
+
+def _plain_sensor(answer: part.Answer) -> Encoder | TipSensor | None:
+    """Return the sensor of a part if it has no noise and delivers each sample; else None."""
+    sensor: Encoder | TipSensor
+    if type(answer) is EncoderPart and answer.sensor.offset is None:
+        sensor = answer.sensor
+    elif type(answer) is TipSensorPart and len(answer.sensors) == 1:
+        sensor = answer.sensors[0]
+    else:
+        return None
+    channel = sensor.channel
+    plain = not channel.scheduled and channel.every == 1 and sensor.noise_std == 0.0
+    return sensor if plain else None
+
+
+class PlantStep(NamedTuple):
+    """
+    The step of the plant, around its integration, which is compiled for itself.
+
+    ``torque(k)`` reads the torques of tick k from ``command``: whether they are valid, and the
+    values.  ``write(k, *ends)`` writes ``state`` and ``clock`` of tick k.
+    """
+
+    command: Buffer
+    state: Buffer
+    clock: Buffer
+    torque: Callable[[int], tuple[bool, float, float]]
+    write: Callable[..., None]
+
+
+def plant_step(plant: Plant, config: RunConfig, topics: Sequence[Topic]) -> PlantStep | None:
+    """Return the step of the plant with the topics of a run; None if there is none."""
+    plain = PlantPart.reads(config) == PlantPart.READS and not PlantPart.further_signals(config)
+    if sys.byteorder != 'little' or not plain or config.run.sync == 'free':
+        return None
+    named = {topic.name: topic for topic in topics}
+    command, state, clock = (Buffer(named[n]) for n in (part.COMMAND, part.STATE, part.CLOCK))
+    record = PlantRecord(
+        command.message, state.message, clock.message, Timeline.of(config.run).period_ns, plant.q,
+        plant.qd,
+    )  # fmt: skip
+    torque = bound(held_torque, record, example=(0,))
+    write = bound(write_state, record, example=(0, 0.0, 0.0, 0.0, 0.0))
+    return PlantStep(command, state, clock, torque, write)
+
+
+def warm_up_steps(config: RunConfig) -> None:
+    """Compile the steps of a scenario, or load them from the cache."""
+    topics = per_tick_topics(config)
+    named = {topic.name: topic for topic in topics}
+    plant_step(make_plant(config), config, topics)
+    for kind in answering(config):
+        reads = [named[name] for name in kind.reads(config)]
+        writes = [topic for topic in topics if topic.node == kind.NAME]
+        answer_step(kind(config), reads, writes, Timeline.of(config.run).period_ns)
