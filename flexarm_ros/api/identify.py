@@ -83,6 +83,7 @@ def fit(
     hold_out: Sequence[Data] = (),
     overrides: Sequence[str] = (),
     channels: Sequence[str] = (),
+    starts: int = 1,
 ) -> fitting.Fit:
     """
     Estimate numbers of a scenario from recordings of an arm, by least squares.
@@ -101,9 +102,11 @@ def fit(
         Key -> (value, standard deviation) of what is known beforehand.
     hold_out
         Recordings, or spans ``"T0:T1"`` in s of every one, that are not fitted but checked.
-
     channels
         Names of the channels to fit; empty: every one of the mode.
+    starts
+        Points from which is searched, of which the best result is taken: the scenario's numbers,
+        then others within two standard deviations of a prior or a factor of 3.
 
     Returns
     -------
@@ -122,6 +125,7 @@ def fit(
     request = fitting.prepare(
         [_recording(one) for one in several], scenario, free, mode, window, zero, texts,
         [_held_out(one) for one in hold_out], overrides, channels,
+        starts,
     )  # fmt: skip
     return fitting.fit(request)
 

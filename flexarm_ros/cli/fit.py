@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 WINDOW = 2.0
 """Default length of the windows, s, except in mode closed_loop."""
 
+MOST_STARTS = 1000
+
 
 def add_parser(make: Any) -> None:
     """Add the command to the main parser; ``make`` returns its parser."""
@@ -68,12 +70,25 @@ def add_parser(make: Any) -> None:
         '--channels', metavar='NAME[,NAME...]',
         help='fit these channels, as strain1,theta1_rate (default: all channels of the mode)',
     )  # fmt: skip
+    parser.add_argument(
+        '--starts', type=_count, default=1, metavar='N',
+        help='search from N points and take the best result: from the scenario, then from others '
+        'within two std of a prior or a factor of 3; for latencies, frequencies and friction, '
+        'whose squares may have several minima (default 1)',
+    )  # fmt: skip
     parser.add_argument('--out', type=Path, required=True, metavar='DIR', help='output directory')
     parser.add_argument('--no-pictures', action='store_true', help='write no figures and no page')
 
 
 def _window(text: str) -> float:
     return math.inf if text == 'whole' else positive(text)
+
+
+def _count(text: str) -> int:
+    value = int(text) if text.isascii() and text.isdigit() else 0
+    if not 1 <= value <= MOST_STARTS:
+        raise argparse.ArgumentTypeError(f'{text!r}: a whole number from 1 to {MOST_STARTS}')
+    return value
 
 
 def run(args: argparse.Namespace) -> int:
@@ -91,6 +106,7 @@ def run(args: argparse.Namespace) -> int:
         window if math.isfinite(window) else None, args.zero, args.prior, args.hold_out,
         args.overrides,
         [name.strip() for name in args.channels.split(',')] if args.channels else (),
+        args.starts,
     )  # fmt: skip
     for task in (*request.problem.tasks, *request.others):
         say_notes('fit', task.recording)

@@ -344,7 +344,7 @@ def test_correlated_residuals_count_less() -> None:
         values = inverse @ noise
         draws.append(values)
         residual = noise - jacobian @ values
-        told.append(estimate(values + 1.0, [(jacobian, residual)], np.full(2, np.inf)).std)
+        told.append(estimate(values + 1.0, [(jacobian[None], residual[None])], np.full(2, np.inf)).std)
     spread = np.std(draws, axis=0)
     assert np.mean(told, axis=0) == pytest.approx(spread, rel=0.2)
     assert (spread > 3.0 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))).all()
@@ -376,7 +376,7 @@ def test_noise_at_the_frequency_of_the_parameters_counts() -> None:
         noise = lfilter(*low_pass, 0.05 * random.standard_normal(len(t)))
         errors.append(inverse @ noise)
         residual = noise - jacobian @ errors[-1]
-        told.append(estimate(values, [(jacobian, residual)], np.full(3, np.inf)).std)
+        told.append(estimate(values, [(jacobian[None], residual[None])], np.full(3, np.inf)).std)
     inside = np.abs(errors) < 2.0 * np.array(told)
     assert (inside.mean(axis=0) > 0.92).all()
     assert (np.mean(told, axis=0) < 1.25 * np.std(errors, axis=0)).all()

@@ -160,11 +160,12 @@ class FitProgress(_Shown):
     def update(self, search: Any) -> None:
         """Take a `flexarm_ros.identification.estimate.search.Search` in progress."""
         left = search.seconds_left
+        start = f'start {search.start + 1} of {search.starts}, ' if search.starts > 1 else ''
         note = (
-            f'round {search.round + 1} of 2, iteration {search.iterations}, '
+            f'round {search.round + 1} of 2, {start}iteration {search.iterations}, '
             f'{search.evaluations} trials, cost {search.best_cost:.6g}'
         )
         if self._bar is not None:
-            self._show(search.iterations, 2 * search.most, note)
+            self._show(search.iterations, search.most_iterations, note)
         elif self._line_is_due():
             self.say(f'{self._name}: {note}' + (f', at most {left:.0f} s left' if left else ''))

@@ -36,7 +36,12 @@ from flexarm_ros.identification.estimate.problem import (
     Task,
 )
 from flexarm_ros.identification.estimate.search import Search, Stopped
-from flexarm_ros.identification.estimate.statistics import Estimate, estimate, free_scale
+from flexarm_ros.identification.estimate.statistics import (
+    Block,
+    Estimate,
+    estimate,
+    free_scale,
+)
 from flexarm_ros.identification.prediction.predict import Channel, MODES, predict, Prediction
 from flexarm_ros.identification.recording import PathLike, read, Recording
 from flexarm_ros.identification.setting import load_setting, numbers_of, Setting, spec_of, text_of
@@ -124,6 +129,7 @@ class Request:
 
     problem: Problem
     others: tuple[Task, ...]
+    starts: int = 1
 
     @property
     def fingerprint(self) -> str:
@@ -137,6 +143,7 @@ class Request:
                     problem.window,
                     problem.zero,
                     text_of(problem.setting),
+                    self.starts,
                 )
             ).encode()
         )
@@ -158,12 +165,14 @@ def prepare(
     hold_out: Sequence[PathLike | Recording] = (),
     overrides: Sequence[str] = (),
     chosen: Sequence[str] = (),
+    starts: int = 1,
 ) -> Request:
     """
     Return a checked request of a fit.
 
     ``priors`` are texts ``KEY=VALUE+-STD``, ``hold_out`` paths of recordings or spans ``T0:T1``
-    in s, which are left out of every recording; ``chosen``: the channels to fit, empty: all.
+    in s, which are left out of every recording; ``chosen``: the channels to fit, empty: all;
+    ``starts``: number of points from which is searched.
     Raises ScenarioError, one line.
     """
     if mode not in MODES:
@@ -195,8 +204,9 @@ def prepare(
     if not tasks:
         raise ScenarioError('no data: give a CSV, a run or a bag')
     return Request(
-        Problem(setting, tuple(numbers), tasks, mode, window, zero, tuple(chosen)), tuple(others)
-    )
+        Problem(setting, tuple(numbers), tasks, mode, window, zero, tuple(chosen)),
+        tuple(others), starts,
+    )  # fmt: skip
 
 
 def _recording(data: PathLike | Recording) -> Recording:
@@ -227,7 +237,7 @@ def fit(
     ``report`` is called after each evaluation.  ``state``: a file that stores the search, and
     from which a repeated call resumes; ScenarioError if it belongs to another fit.
     """
-    search = Search(request.problem, report, stop)
+    search = Search(request.problem, report, stop, starts=request.starts)
     if state is not None:
         _restore(search, request, state)
 
@@ -246,6 +256,7 @@ def _keep(search: Search, request: Request, state: Path) -> None:
     document = {
         'fingerprint': request.fingerprint if search.evaluations <= 1 else search.fingerprint,
         'round': search.round,
+        'start': search.start,
         'best': {k: float(v) for k, v in zip(request.problem.keys, search.best, strict=True)},
         'finished': search.finished,
     }
@@ -265,6 +276,7 @@ def _restore(search: Search, request: Request, state: Path) -> None:
             raise ScenarioError(f'{state}: belongs to another fit; give another --out')
         search.best = np.array([float(document['best'][key]) for key in request.problem.keys])
         search.round = min(max(int(document['round']), 0), 1)
+        search.start = min(max(int(document['start']), 0), search.starts - 1)
     except (OSError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, ScenarioError):
             raise
@@ -313,7 +325,7 @@ def _warnings(
     request: Request,
     search: Search,
     uncertainty: Estimate,
-    blocks: Sequence[tuple[FloatArray, FloatArray]],
+    blocks: Sequence[Block],
 ) -> tuple[str, ...]:
     problem = request.problem
     found = []

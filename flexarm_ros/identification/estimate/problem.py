@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.identification.prediction.predict import predict, Prediction
@@ -26,6 +27,8 @@ from flexarm_ros.identification.recording import Recording
 from flexarm_ros.identification.setting import Setting, spec_of
 from flexarm_ros.scenario.errors import clip, ScenarioError
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats.qmc import LatinHypercube
 
 Span = tuple[float, float]
 MOST_POINTS = 1 << 20
@@ -77,13 +80,27 @@ class Task:
     recording: Recording
     held_out: tuple[Span, ...] = ()
 
-    def mask(self, rows: int, inside: bool) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def mask(self, rows: int, inside: bool) -> NDArray[np.bool_]:
         """Return which samples are held out (``inside``), or which are not."""
         times = self.recording.times[:rows]
         held = np.zeros(rows, dtype=bool)
         for first, last in self.held_out:
             held |= (times >= first) & (times < last)
         return held if inside else ~held
+
+
+class Residual(NamedTuple):
+    """
+    Residual of a channel, in its unit.
+
+    ``task``: number of its recording; ``used`` (n,): the samples of the recording that count;
+    ``values``: their residuals.
+    """
+
+    channel: str
+    task: int
+    used: NDArray[np.bool_]
+    values: FloatArray
 
 
 @dataclass(frozen=True)
@@ -117,17 +134,19 @@ class Problem:
             for task in self.tasks
         ]
 
-    def residuals(self, values: FloatArray) -> list[tuple[str, FloatArray]]:
-        """Return channel and residual, in the channel's unit, of each channel that is fitted."""
+    def residuals(self, values: FloatArray) -> list[Residual]:
+        """Return the residuals of each channel that is fitted, recording after recording."""
         found = []
-        for task, prediction in zip(self.tasks, self.predictions(values), strict=True):
+        predictions = self.predictions(values)
+        for place, (task, prediction) in enumerate(zip(self.tasks, predictions, strict=True)):
             for name, channel in prediction.channels.items():
                 if self.chosen and name not in self.chosen:
                     continue
                 used = channel.valid & task.mask(len(channel.valid), inside=False)
                 values_of = (channel.measured - channel.predicted)[used]
                 if len(values_of):
-                    found.append((name, np.nan_to_num(values_of, nan=1e6, posinf=1e6)))
+                    finite = np.nan_to_num(values_of, nan=1e6, posinf=1e6)
+                    found.append(Residual(name, place, used, finite))
         if not found:
             raise ScenarioError('nothing to fit: every sample is held out, or no channel is left')
         return found
@@ -151,6 +170,36 @@ def steps_of(free: Sequence[Free], values: FloatArray) -> FloatArray:
     """Return the first step of the forward differences of each number, (p,)."""
     sizes = np.array([max(abs(v), f.scale) for v, f in zip(values, free, strict=True)])
     return np.asarray(1e-6 * sizes)
+
+
+SPREAD = 3.0
+"""Largest factor between a number and its first start, where it has no prior."""
+
+
+def starting_points(free: Sequence[Free], count: int) -> FloatArray:
+    """
+    Return points from which to search, (count, p): the given start, then spread ones.
+
+    A Latin hypercube, the same for the same numbers: within two std of a prior, otherwise within a
+    factor `SPREAD` of the start, or, where that is 0, within the range of the key.
+    """
+    start = np.array([one.start for one in free])
+    if count < 2:
+        return start[None]
+    parts = LatinHypercube(len(free), seed=0).random(count - 1)
+    return np.vstack([start, *(np.array(list(map(_spread, free, row))) for row in parts)])
+
+
+def _spread(free: Free, part: float) -> float:
+    """Return a start of one number at a part, 0 to 1, of the interval of its starts."""
+    if free.prior is not None:
+        value = free.prior.value + 2.0 * free.prior.std * (2.0 * part - 1.0)
+    elif free.start != 0.0:
+        value = free.start * SPREAD ** (2.0 * part - 1.0)
+    else:
+        low, high = max(free.low, -free.scale), min(free.high, free.scale)
+        value = low + part * (high - low)
+    return float(min(max(value, free.low), free.high))
 
 
 def parse_prior(text: str) -> tuple[str, Prior]:

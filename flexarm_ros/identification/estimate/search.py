@@ -22,8 +22,8 @@ import math
 import time
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.identification.estimate.problem import Problem, steps_of
-from flexarm_ros.identification.estimate.statistics import correlation_length
+from flexarm_ros.identification.estimate.problem import Problem, starting_points, steps_of
+from flexarm_ros.identification.estimate.statistics import Block, correlation_length
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -46,6 +46,9 @@ class Search:
     """
     A search in progress: at any time ``best`` holds the best values so far.
 
+    ``starts``: searches of the first round, each from another point (`starting_points`), of which
+    the best is taken; ``start``: the one that is in progress.
+
     Two rounds: the channels are weighted with the std of what is measured, then with the rms of
     the residuals that the first round leaves, times the root of their correlation length, so that
     each channel counts by its noise, and against the priors by its independent samples.
@@ -57,6 +60,8 @@ class Search:
     best: FloatArray = field(default_factory=lambda: np.zeros(0))
     best_cost: float = math.inf
     round: int = 0
+    starts: int = 1
+    start: int = 0
     evaluations: int = 0
     iterations: int = 0
     started: float = field(default_factory=time.monotonic)
@@ -64,6 +69,8 @@ class Search:
     fingerprint: str = ''
     weights: dict[str, float] = field(default_factory=dict)
     steps: FloatArray = field(default_factory=lambda: np.zeros(0))
+    last: tuple[FloatArray, FloatArray] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
+    """The numbers of the last trial, and its weighted residuals."""
     most: int = MOST_ITERATIONS
 
     def __post_init__(self) -> None:
@@ -76,16 +83,27 @@ class Search:
         if not self.iterations:
             return None
         each = (time.monotonic() - self.started) / self.iterations
-        rounds = 1 - min(self.round, 1)
-        return each * (self.most * rounds + self.most - self.iterations % self.most)
+        return each * max(self.most_iterations - self.iterations, 1)
+
+    @property
+    def most_iterations(self) -> int:
+        """Return the largest number of iterations of the whole search."""
+        return (self.starts + 1) * self.most
 
     def run(self) -> Search:
         """Search until both rounds have converged; may be interrupted by any exception."""
-        for number in range(self.round, 2):
-            self.round = number
-            self._weigh(number)
-            self.best_cost = math.inf
-            self._solve()
+        if self.round == 0:
+            self._weigh(0)
+            points = starting_points(self.problem.free, self.starts)
+            if self.start > 0:
+                self.values(self.best)  # of an earlier run that was stopped: to be beaten
+            for number in range(self.start, len(points)):
+                self.start = number
+                self._solve(self.best if number == 0 else points[number])
+            self.round = 1
+        self._weigh(1)
+        self.best_cost = math.inf
+        self._solve(self.best)
         self.finished = True
         return self
 
@@ -98,21 +116,22 @@ class Search:
                     level = float(np.var(channel.measured[channel.valid]))
                     squares.setdefault(name, []).append(level)
         else:
-            for name, residual in self.problem.residuals(self.best):
+            for name, _, _, residual in self.problem.residuals(self.best):
                 lags = correlation_length(residual)
                 squares.setdefault(name, []).append(lags * float(np.mean(residual**2)))
+        self.last = np.zeros(0), np.zeros(0)  # weighted otherwise
         self.weights = {
             name: 1.0 / math.sqrt(max(sum(parts) / len(parts), 1e-300))
             for name, parts in squares.items()
         }
 
-    def _solve(self) -> None:
+    def _solve(self, start: FloatArray) -> None:
         problem = self.problem
         low = np.array([free.low for free in problem.free])
         high = np.array([free.high for free in problem.free])
-        inside = np.clip(self.best, low, high)
+        inside = np.clip(start, low, high)
         sizes = np.array([max(abs(f.start), _TINY) if f.start else f.scale for f in problem.free])
-        self._first_steps()
+        self.steps = steps_of(problem.free, start)
         least_squares(
             lambda x: self.values(x * sizes),
             _strictly_inside(inside, low, high) / sizes,
@@ -121,12 +140,10 @@ class Search:
             x_scale='jac', max_nfev=self.most, ftol=1e-5, xtol=1e-6, gtol=1e-10,
         )  # fmt: skip
 
-    def _first_steps(self) -> None:
-        self.steps = steps_of(self.problem.free, self.best)
-
     def values(self, x: FloatArray) -> FloatArray:
         """Return the weighted residuals and the deviations from the priors."""
         found = self._weighted(x)
+        self.last = x.copy(), found
         cost = 0.5 * float(found @ found)
         self.evaluations += 1
         if self.evaluations == 1:
@@ -136,24 +153,30 @@ class Search:
             self.report(self)
         return found
 
-    def blocks(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Return each channel's weighted Jacobian (n, p) and residual (n,) at the best values."""
+    def blocks(self) -> list[Block]:
+        """Return each recording's weighted Jacobian and residual at the best values."""
         if not self.weights:
             self._weigh(0)
-        self._first_steps()
+        self.steps = steps_of(self.problem.free, self.best)
         self.stop = lambda: False
         whole = self.differences(self.best)
-        found, row = [], 0
-        for name, residual in self.problem.residuals(self.best):
-            rows = slice(row, row + len(residual))
-            found.append((whole[rows], residual * self.weights[name]))
-            row += len(residual)
-        return found
+        found: dict[int, list[Block]] = {}
+        row = 0
+        for name, task, used, values in self.problem.residuals(self.best):
+            rows = slice(row, row + len(values))
+            jacobian, residual = np.zeros((len(used), len(self.best))), np.zeros(len(used))
+            jacobian[used], residual[used] = whole[rows], values * self.weights[name]
+            found.setdefault(task, []).append((jacobian, residual))
+            row += len(values)
+        return [
+            (np.stack([one for one, _ in parts]), np.stack([other for _, other in parts]))
+            for parts in found.values()
+        ]
 
     def _weighted(self, x: FloatArray) -> FloatArray:
         if self.stop():
             raise Stopped
-        parts = [residual * self.weights[name] for name, residual in self.problem.residuals(x)]
+        parts = [part.values * self.weights[part.channel] for part in self.problem.residuals(x)]
         return np.concatenate([*parts, self.problem.prior_residuals(x), self._anchor(x)])
 
     def _anchor(self, x: FloatArray) -> FloatArray:
@@ -168,7 +191,7 @@ class Search:
 
         The step of a number grows until the residuals change enough.
         """
-        centre = self._weighted(x)
+        centre = self.last[1] if np.array_equal(x, self.last[0]) else self._weighted(x)
         columns = []
         size = float(np.linalg.norm(centre)) + _TINY
         for place, free in enumerate(self.problem.free):

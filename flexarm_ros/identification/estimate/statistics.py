@@ -24,6 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 BoolArray = NDArray[np.bool_]
+Block = tuple[FloatArray, FloatArray]
+"""Jacobian (c, n, p) and residual (c, n) of the c channels of a recording."""
 
 NO_INFORMATION = 1e-8
 """Smallest eigenvalue of the scaled information, per largest, that counts as information."""
@@ -63,36 +65,52 @@ def _taper(count: int, lags: int) -> FloatArray:
     return np.asarray(np.maximum(1.0 - np.arange(count) / (width + 1.0), 0.0))
 
 
-def _spectrum(residual: FloatArray, lags: int) -> FloatArray:
-    """Return the power of a residual in the frequencies of an FFT of twice its length, >= 0."""
-    count = len(residual)
-    power = np.abs(np.fft.rfft(residual, 2 * count)) ** 2
-    half = np.fft.irfft(power, 2 * count)[:count] / count * _taper(count, lags)
-    both = np.concatenate([half, [0.0], half[:0:-1]])
-    return np.maximum(np.fft.rfft(both).real, 0.0)
+def _spectra(residual: FloatArray, lags: int) -> NDArray[np.complex128]:
+    """
+    Return the cross spectra of residuals, (c, n), at the frequencies of an FFT of twice n.
+
+    Shape (c, c, n + 1): positive semidefinite at each frequency.
+    """
+    count = residual.shape[1]
+    waves = np.fft.rfft(residual, 2 * count, axis=1)
+    products = np.fft.irfft(waves.conj()[:, None] * waves[None], 2 * count) / count
+    return np.asarray(np.fft.rfft(products * _both_ways(_taper(count, lags))))
+
+
+def _both_ways(half: FloatArray) -> FloatArray:
+    """Return the values at lags 0 to n - 1 with those at negative lags behind, (2n,)."""
+    return np.concatenate([half, [0.0], half[:0:-1]])
 
 
 def score_covariance(jacobian: FloatArray, residual: FloatArray, lags: int) -> FloatArray:
     """
-    Return the covariance of J^T r, (p, p), for a residual with ``lags`` correlated samples.
+    Return the covariance of J^T r, (p, p), of one recording.
+
+    ``jacobian`` (c, n, p) and ``residual`` (c, n) of its channels over the same n samples, which
+    are correlated over ``lags`` samples.  Channels are correlated with each other: noise of the
+    measured torque passes through the model into every angle, rate and strain, so that the sum
+    of the covariances of the channels is too small (by half, in the linear case of the tests).
 
     The larger, in every direction, of two estimates with Bartlett's window: from the products
-    J_t r_t (Newey and West 1987), which see that residuals are larger where the arm moves, and
-    from the spectrum of the residual, which sees what the fit took out of it at the frequencies
-    of the parameters.  The first alone is too small by a fifth for 6 s of filtered noise.
+    J_t^T r_t (Newey and West 1987), which see that residuals are larger where the arm moves, and
+    from the cross spectra of the residuals, which see what the fit took out of them at the
+    frequencies of the parameters.  The first alone is too small by a fifth for 6 s of filtered
+    noise.
     """
-    score = jacobian * residual[:, None]
-    products = score.T @ score
-    for lag, weight in enumerate(_taper(len(score), lags)[1:], start=1):
-        if weight == 0.0:
-            break
-        part = score[lag:].T @ score[:-lag]
-        products += weight * (part + part.T)
-    waves = np.fft.rfft(jacobian, 2 * len(jacobian), axis=0)
-    twice = np.full(len(waves), 2.0)
-    twice[[0, -1]] = 1.0
-    power = _spectrum(residual, lags) * twice / (2 * len(jacobian))
-    return _larger(((waves.conj() * power[:, None]).T @ waves).real, products)
+    channels, count, _ = jacobian.shape
+    share = np.full(count + 1, 1.0 / count)
+    share[[0, -1]] *= 0.5
+    scores = np.fft.rfft(np.einsum('cnp,cn->np', jacobian, residual), 2 * count, axis=0)
+    window = np.fft.rfft(_both_ways(_taper(count, lags))).real
+    products = ((scores.conj() * (window * share)[:, None]).T @ scores).real
+    waves = np.fft.rfft(jacobian, 2 * count, axis=1)
+    power = _spectra(residual, lags).conj() * share
+    spectral = np.zeros_like(products)
+    for one in range(channels):
+        for other in range(channels):
+            seen = waves[one].conj() * power[one, other][:, None]
+            spectral += (seen.T @ waves[other]).real
+    return _larger(spectral, products)
 
 
 def _larger(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -107,14 +125,26 @@ def _larger(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.asarray((axes * np.maximum(values, 1.0)) @ axes.T * np.outer(scale, scale))
 
 
+def _lags(residual: FloatArray) -> int:
+    """Return the largest correlation length of the channels of a recording, (c, n)."""
+    return max(correlation_length(channel) for channel in residual)
+
+
 def independent_samples(residual: FloatArray) -> float:
-    """Return how many independent samples have the information of a residual's, at least 1."""
-    power = _spectrum(residual - residual.mean(), correlation_length(residual))
-    squares = float(power @ power)
-    return max(1.0, float(power.sum()) ** 2 / squares) if squares > 0.0 else 1.0
+    """
+    Return how many independent samples have the information of residuals, (c, n), at least 1.
+
+    Each channel counts alike; channels that repeat one another count once.
+    """
+    centred = residual - residual.mean(axis=1, keepdims=True)
+    level = centred.std(axis=1, keepdims=True)
+    power = _spectra(centred / np.where(level > 0.0, level, 1.0), _lags(residual))
+    squares = float(np.sum(np.abs(power) ** 2))
+    total = float(np.einsum('ccf->', power).real)
+    return max(1.0, total**2 / squares) if squares > 0.0 else 1.0
 
 
-def _freedom(blocks: Sequence[tuple[FloatArray, FloatArray]], count: int) -> float:
+def _freedom(blocks: Sequence[Block], count: int) -> float:
     """Return the factor on a variance for what ``count`` parameters took out of the residuals."""
     samples = sum(independent_samples(residual) for _, residual in blocks)
     return samples / max(samples - count, 0.25 * samples)
@@ -136,13 +166,14 @@ class Estimate:
 
 def estimate(
     values: FloatArray,
-    blocks: Sequence[tuple[FloatArray, FloatArray]],
+    blocks: Sequence[Block],
     prior_std: FloatArray,
 ) -> Estimate:
     """
-    Return the uncertainty from each channel's Jacobian (n, p) and residual (n,), weighted alike.
+    Return the uncertainty from each recording's Jacobian (c, n, p) and residual (c, n).
 
-    ``prior_std`` (p,): inf without a prior.  A parameter
+    Both are weighted alike, and 0 where a channel was not measured.  Residuals of different
+    recordings count as independent.  ``prior_std`` (p,): inf without a prior.  A parameter
     is identified if the data alone, with all other parameters free within their priors, determine
     it to half of its value; otherwise its status is ``prior`` if its prior bounds it, else
     ``not identifiable``.
@@ -151,8 +182,8 @@ def estimate(
     information = np.zeros((count, count))
     scores = np.zeros((count, count))
     for jacobian, residual in blocks:
-        information += jacobian.T @ jacobian
-        scores += score_covariance(jacobian, residual, correlation_length(residual))
+        information += np.einsum('cnp,cnq->pq', jacobian, jacobian)
+        scores += score_covariance(jacobian, residual, _lags(residual))
     precision = np.where(np.isfinite(prior_std), 1.0 / prior_std**2, 0.0)
     # The information in the correlated residuals, J^T J S^-1 J^T J, is compared
     # with that of the priors; computed in units in which each parameter has information 1.
@@ -232,7 +263,7 @@ def free_scale(
         return False
     together, single = 0.0, 0.0
     for jacobian in jacobians:
-        columns = jacobian[:, chosen] * values[chosen]
-        together += float(np.sum(columns.sum(axis=1) ** 2))
+        columns = jacobian[..., chosen] * values[chosen]
+        together += float(np.sum(columns.sum(axis=-1) ** 2))
         single += float(np.sum(columns**2))
     return together < FREE_SCALE * single
