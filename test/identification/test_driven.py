@@ -34,7 +34,7 @@ from flexarm_ros.identification.setting import load_setting
 from flexarm_ros.scenario import ScenarioError
 import numpy as np
 import pytest
-from scipy.signal import bilinear, lfilter
+from scipy.signal import bilinear, lfilter, lfilter_zi
 
 GAIN, OFFSET, SLOPE = (0.57, 0.88), (0.001, -0.002), (-0.004, 0.0)
 
@@ -80,7 +80,9 @@ def gauged(ideal: dict[str, np.ndarray], noise: float = 0.0, seed: int = 0) -> d
     for i in (0, 1):
         theta = ideal[f'theta{i + 1}']
         raw = GAIN[i] * ideal[f'angle{i + 1}'] + OFFSET[i] + SLOPE[i] * theta
-        strain = lfilter(*low_pass, raw) + noise * random.standard_normal(len(raw))
+        # In equilibrium at first: the program of a rig has run for a while.
+        settled, _ = lfilter(*low_pass, raw, zi=raw[0] * lfilter_zi(*low_pass))
+        strain = settled + noise * random.standard_normal(len(raw))
         columns[f'theta{i + 1}_deg'] = np.degrees(theta)
         columns[f'strain{i + 1}_rad'] = strain
     return columns
@@ -272,6 +274,27 @@ def test_a_bias_that_was_removed_is_found_again(arm: Path, ideal: dict[str, np.n
         assert not found.channels[name].valid[:held].any()
 
 
+@pytest.mark.parametrize('offset', [0.02, -0.02])
+def test_an_offset_of_either_sign_is_taken_from_the_first_second(
+    arm: Path, ideal: dict[str, np.ndarray], tmp_path: Path, offset: float
+) -> None:
+    """As large as the signals, and the program never subtracts it; its filter has run before."""
+    columns = gauged(ideal)
+    for name in ('strain1_rad', 'strain2_rad'):
+        columns[name] = columns[name] + offset
+    # The joints rest for a second at first.
+    rest = {key: np.repeat(values[:1], 500) for key, values in columns.items()}
+    columns = {key: np.concatenate([rest[key], values]) for key, values in columns.items()}
+    columns['strain1_rad'][:500:2] += 1e-6  # not held
+    columns['strain2_rad'][:500:2] += 1e-6
+    columns['t_s'] = PERIOD * np.arange(len(columns['t_s']))
+    recording = read(written(tmp_path / 'x.csv', columns))
+    for window in (None, 1.0):
+        found = predict(recording, load_setting(arm), window=window, zero=0.9).numbers
+        assert found['strain1']['fit'] > 99.5
+        assert found['strain2']['fit'] > 99.5
+
+
 FREE = ('plant.flexural_rigidity', 'plant.link_end_mass', 'strain_gauge.gain')
 
 
@@ -344,7 +367,9 @@ def test_correlated_residuals_count_less() -> None:
         values = inverse @ noise
         draws.append(values)
         residual = noise - jacobian @ values
-        told.append(estimate(values + 1.0, [(jacobian[None], residual[None])], np.full(2, np.inf)).std)
+        told.append(
+            estimate(values + 1.0, [(jacobian[None], residual[None])], np.full(2, np.inf)).std
+        )
     spread = np.std(draws, axis=0)
     assert np.mean(told, axis=0) == pytest.approx(spread, rel=0.2)
     assert (spread > 3.0 * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))).all()

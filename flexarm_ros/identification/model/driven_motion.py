@@ -158,7 +158,7 @@ def driven(
 
     ``angles`` (n, 2): measured joint angles, rad.  ``lowpass`` (2, 2, 4): each gauge's low-pass
     over one sample, rows over (value, rate, input before, input after).  ``on`` (2,): the sample
-    up to which each gauge's low-pass is held at 0.  ``outputs`` (n, 2) takes the gauges' signals
+    up to which each gauge's low-pass is held.  ``outputs`` (n, 2) takes the gauges' signals
     before any correction; ``states`` (n, 4N + 4) the states, or nothing if it has no rows.
     ``correction`` (4N + 4, 2): gain on ``measured`` - ``outputs``; no columns: none.
     """

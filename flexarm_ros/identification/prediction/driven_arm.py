@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
-from flexarm_ros.core.sensing.gauge import SLOPE
+from flexarm_ros.core.sensing.gauge import BIAS, SLOPE
 from flexarm_ros.identification.model.arm_model import (
     ArmModel,
     check_model,
@@ -99,6 +99,21 @@ def true_angles(data: DrivenData, setting: Setting) -> FloatArray:
     return np.ascontiguousarray(data.raw_angles - np.array(setting.config.encoder.offset))
 
 
+def rest_state(data: DrivenData, model: ArmModel, angles: FloatArray) -> FloatArray:
+    """
+    Return the state of an arm at rest at the first sample, (4N + 4,).
+
+    Each low-pass is in equilibrium with its gauge's signal, as in a simulation, or with the
+    constant that the program gave at first (see `Recording.held_until`).
+    """
+    state = np.zeros(model.size)
+    for link in (0, 1):
+        signal = model.gauges[link, BIAS] + model.gauges[link, SLOPE] * angles[0, link]
+        held = data.on[link] > 0
+        state[2 * model.coordinates + 2 * link] = data.measured[0, link] if held else signal
+    return state
+
+
 def driven_states(
     data: DrivenData, model: ArmModel, angles: FloatArray, gain: FloatArray | None = None
 ) -> FloatArray:
@@ -108,7 +123,7 @@ def driven_states(
     ``gain``: that of the observer, if it is known.
     """
     outputs = np.zeros((len(angles), 2))
-    rest = np.zeros(model.size)
+    rest = rest_state(data, model, angles)
     if gain is None:
         # The level of the signals is the model's, so that no later sample of a gauge matters.
         none = np.zeros((model.size, 0))
@@ -143,7 +158,8 @@ def zeroed(data: DrivenData, model: ArmModel, angles: FloatArray, zero: float) -
     plain = model.with_bias(np.zeros(2))
     outputs, states = np.zeros((len(angles), 2)), np.zeros((len(angles), model.size))
     none = np.zeros((model.size, 0))
-    _drive(data, plain, angles, 0, count, np.zeros(model.size), none, outputs, states)
+    rest = rest_state(data, plain, angles)
+    _drive(data, plain, angles, 0, count, rest, none, outputs, states)
     bias = np.zeros(2)
     for link in (0, 1):
         held = int(min(data.on[link] + 1, count)) if data.on[link] > 0 else 0
@@ -172,7 +188,7 @@ def predict_driven(
     outputs = np.zeros((len(angles), 2))
     none = np.zeros((model.size, 0))
     if window is None:
-        starts, length = np.zeros((1, model.size)), len(angles)
+        starts, length = rest_state(data, model, angles)[None], len(angles)
     else:
         length = max(1, round(window / model.period))
         starts = driven_states(data, model, angles, gain)[::length]

@@ -31,9 +31,11 @@ from flexarm_ros.identification.prediction.modes import MODES
 from flexarm_ros.identification.prediction.ringing import Mode, quiet_spans, ringing
 from flexarm_ros.identification.prediction.whole_arm import (
     ANGLE,
+    centred_means,
     centred_rates,
     predict_torque,
     RATE,
+    rate_half_width,
 )
 from flexarm_ros.identification.recording import Recording
 from flexarm_ros.identification.setting import Setting
@@ -144,7 +146,8 @@ def predict(
         if name in data.names
     }
     if mode != 'driven':
-        channels.update(_joint_channels(recording, data.raw_angles, outputs))
+        length = len(outputs) if window is None else max(1, round(window / recording.period))
+        channels.update(_joint_channels(recording, data.raw_angles, outputs, length))
     offsets = {}
     if zero is not None:
         offsets = {name: float(model.gauges[int(name[-1]) - 1, BIAS]) for name in data.names}
@@ -172,18 +175,30 @@ def ringing_of(
 
 
 def _joint_channels(
-    recording: Recording, angles: FloatArray, outputs: FloatArray
+    recording: Recording, angles: FloatArray, outputs: FloatArray, length: int
 ) -> dict[str, Channel]:
-    """Return the joint angles and rates; measured rates that were not recorded are derived."""
+    """
+    Return the joint angles and rates; measured rates that were not recorded are derived.
+
+    Derived rates are means over some time, and are compared with such means of the predicted
+    rates: else inertias would be found too large, as they slow the motion down.  ``length``: of a
+    window, in samples.
+    """
     rates = centred_rates(angles, recording.period)
     whole = np.ones(len(angles), dtype=bool)
     found = {}
     for i in (0, 1):
         found[f'theta{i + 1}'] = Channel(angles[:, i], outputs[:, ANGLE + i], whole)
+    half = rate_half_width(recording.period)
     for i in (0, 1):
-        name = f'theta{i + 1}_rate'
-        measured = recording.channels.get(name, rates[:, i])
-        found[name] = Channel(measured, outputs[:, RATE + i], whole)
+        name, predicted = f'theta{i + 1}_rate', outputs[:, RATE + i]
+        measured = recording.channels.get(name)
+        if measured is None:
+            measured = rates[:, i]
+            firsts = range(0, len(predicted), length)
+            parts = [centred_means(predicted[first : first + length], half) for first in firsts]
+            predicted = np.concatenate(parts)
+        found[name] = Channel(measured, predicted, whole)
     return found
 
 

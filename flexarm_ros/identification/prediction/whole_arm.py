@@ -30,6 +30,7 @@ from flexarm_ros.identification.model.arm_motion import ANGLE, flown, RATE, STRA
 from flexarm_ros.identification.prediction.driven_arm import (
     driven_states,
     DrivenData,
+    rest_state,
     true_angles,
     zeroed,
 )
@@ -137,13 +138,32 @@ def past_rates(angles: FloatArray, period: float) -> FloatArray:
     return np.stack([np.convolve(column, weights[::-1], 'valid') for column in padded.T], axis=1)
 
 
+def rate_half_width(period: float) -> int:
+    """Return half the number of samples, at least 1, over which `centred_rates` takes means."""
+    return max(1, round(0.008 / period))
+
+
 def centred_rates(angles: FloatArray, period: float) -> FloatArray:
     """Return measured joint rates, (n, 2), rad/s, by central differences over some 16 ms."""
-    half = max(1, round(0.008 / period))
+    half = rate_half_width(period)
     padded = np.concatenate(
         [np.repeat(angles[:1], half, axis=0), angles, np.repeat(angles[-1:], half, axis=0)]
     )
     return np.asarray((padded[2 * half :] - padded[: -2 * half]) / (2 * half * period))
+
+
+def centred_means(values: FloatArray, half: int) -> FloatArray:
+    """
+    Return the mean of values, (n,), over ``half`` samples to each side, by the trapezoidal rule.
+
+    Near an end over as many samples as there are on the shorter side.
+    """
+    places = np.arange(len(values))
+    width = np.minimum(half, np.minimum(places, len(values) - 1 - places))
+    steps = 0.5 * (values[1:] + values[:-1])
+    total = np.concatenate([[0.0], np.cumsum(steps)])
+    mean = (total[places + width] - total[places - width]) / np.maximum(2 * width, 1)
+    return np.where(width > 0, mean, values)
 
 
 def predict_torque(
@@ -167,7 +187,10 @@ def predict_torque(
         loop, torques = OPEN, torques_of(recording, setting)
     rows, size = len(angles), model.coordinates
     length = rows if window is None else max(1, round(window / model.period))
-    states = driven_states(data, model, angles)[::length]
+    if window is None:
+        states = rest_state(data, model, angles)[None]
+    else:
+        states = driven_states(data, model, angles)[::length]
     rates = past_rates(angles, model.period)[::length]
     outputs = np.zeros((rows, 6))
     for number, state in enumerate(states):
@@ -194,4 +217,7 @@ def fly(
     )  # fmt: skip
 
 
-__all__ = ['ANGLE', 'RATE', 'STRAIN', 'centred_rates', 'make_flight', 'predict_torque']
+__all__ = [
+    'ANGLE', 'RATE', 'STRAIN', 'centred_means', 'centred_rates', 'make_flight', 'predict_torque',
+    'rate_half_width',
+]  # fmt: skip
