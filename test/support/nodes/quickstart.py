@@ -27,6 +27,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 import contextlib
 import fcntl
+from importlib.machinery import PathFinder
 import json
 import os
 import socket
@@ -63,9 +64,17 @@ class Template:
             )  # fmt: skip
 
     def fits(self, environment: Mapping[str, str]) -> bool:
-        """Whether a process with this environment imports the same in the same way."""
-        extra = environment.get('PYTHONPATH', '').split(os.pathsep)
-        return _fixed(environment) == _fixed(self._environment) and {*extra} <= {'', *self._path}
+        """Whether a process with this environment imports the same, and what is only there."""
+        places = {*environment.get('PYTHONPATH', '').split(os.pathsep)} - {'', *self._path}
+        return _fixed(environment) == _fixed(self._environment) and all(map(self._adds, places))
+
+    def _adds(self, place: str) -> bool:
+        """Whether nothing in the directory would be imported in another's place, or at start."""
+        with contextlib.suppress(OSError):
+            names = {entry.partition('.')[0] for entry in os.listdir(place)}
+            taken = (name for name in names if PathFinder.find_spec(name, self._path))
+            return not names & {'sitecustomize', 'usercustomize'} and next(taken, None) is None
+        return False
 
     def fork(self, request: Mapping[str, Any], descriptors: list[int]) -> int:
         """Return the process id of a new child of this process."""

@@ -37,6 +37,7 @@ from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.core.warned import allow_warnings
 from flexarm_ros.launcher.fork.server import _fork, become
 from flexarm_ros.nodes.classes import MODULES
+from flexarm_ros.scenario import plugins
 
 COMMON = ('run', 'simulate', 'replay', 'verify')
 LARGEST = 1 << 20
@@ -70,7 +71,10 @@ def take_place(request: Mapping[str, Any], descriptors: Sequence[int]) -> NoRetu
     os.environ.clear()
     os.environ.update(request['environment'])
     os.chdir(request['directory'])
-    sys.path[0] = request['directory']
+    places = os.environ.get('PYTHONPATH', '').split(os.pathsep)
+    sys.path[:1] = [request['directory'], *(p for p in places if p and p not in sys.path)]
+    plugins.installed_laws.cache_clear()
+    plugins.installed_parts.cache_clear()
     become(request['command'])
 
 
