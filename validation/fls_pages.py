@@ -125,7 +125,7 @@ def gain_lines() -> Lines:
 
     return table(
         ('sensor', 'hubs, kg m²', 'limit outstretched (0.28 rad)', 'limit bent (1.59 rad)',
-         '2.5 stable at all poses', '12.5 too', 'fls_tip in flight above it'),
+         '2.5 stable at all poses', '12.5 too', 'samples of fls_tip above it'),
         cells(),
     )  # fmt: skip
 

@@ -58,7 +58,8 @@ def boundary_lines() -> Lines:
     rows = [r for r in read('boundary') if float(r['location_m']) % 0.75 == 0.0]
     return table(
         ('law', 'sensor, m', 'linear, worst pose', 'simulated at rest, that pose',
-         'simulated, 0.3 m/s', 'simulated, 3.15 m/s', 'linear, best pose', 'linear, worst pose, gain 5'),
+         'simulated, 0.3 m/s', 'simulated, 3.15 m/s', 'linear, best pose',
+         'linear, worst pose, gain 5'),
         (
             (law(r), r['location_m'], *(delay(r[k]) for k in (
                 'linear_least_ms', 'hold_ms', 'slow_ms', 'paper_ms', 'linear_most_ms')),
