@@ -41,8 +41,8 @@ def _spin_alone(participant: Participant, waiter: Waiter) -> None:
     """Drive one participant: it sleeps after each tick, since other processes answer it."""
     board, next_look = participant.board, 0.0
     while True:
-        if participant.drive():
-            participant.run_on(waiter, next_look)
+        if participant.drive() and participant.run_on(waiter, next_look):
+            continue
         now = time.monotonic()
         if now >= next_look:
             participant.poll_peers(now)

@@ -164,21 +164,23 @@ class Participant(MemberNode):
             self.waiting.progress()
         return moved
 
-    def run_on(self, waiter: Waiter, until: float) -> None:
+    def run_on(self, waiter: Waiter, until: float) -> bool:
         """
         Take the next ticks on the fast path, as far as they are plain.
 
         Returns at the wall time ``until``, s of `time.monotonic`, before the last tick, and with
         the first tick that needs more: a message is missing or not plain, a parameter has changed.
+        True if messages of that tick have been taken, for which `drive` need not wait.
         """
         if self.finished or self.live.waiting:
-            return
+            return False
         first = self.tick
         try:
             self.advance_fast(waiter, until)
         except Exception as error:
             self.ending.fail(self.ending.failure_of(error))
         self.fast_ticks += self.tick - first
+        return any(entry.given_back for entry in self.inputs.values())
 
     def blocked_on(self) -> list[Any]:
         """

@@ -21,6 +21,7 @@ import contextlib
 import io
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 import threading
@@ -99,6 +100,12 @@ def finish(processes: Sequence[subprocess.Popen[str]], timeout: float = 90.0) ->
                 process.kill()
                 process.wait()
     return texts
+
+
+def fast_ticks(text: str) -> tuple[int, int]:
+    """Return the ticks on the fast path and all ticks, as a node logs them at its end."""
+    (said,) = re.findall(r'(\d+) of (\d+) ticks on the fast path', text)
+    return int(said[0]), int(said[1])
 
 
 def wait_for(condition: Callable[[], bool], timeout: float, what: str) -> None:

@@ -230,6 +230,11 @@ class Input:
         self._sequence -= 1
         self._returned.append(self._last_read)
 
+    @property
+    def given_back(self) -> bool:
+        """Whether `fetch` has a message to read that the fast path has taken."""
+        return bool(self._returned)
+
     def skip_to(self, tick: int) -> None:
         """Expect the message of ``tick`` next: those before have been used on the fast path."""
         self.tick = tick - 1
