@@ -370,6 +370,7 @@ def test_a_node_that_is_done_but_cannot_leave_is_no_fault_of_the_run(
         return [sys.executable, str(NODE), name, 'linger', '0', '--ros-args', *arguments]
 
     monkeypatch.setattr(run, 'node_command', commanding)
+    monkeypatch.setattr(run, 'LEAVING_S', 2.0)
     began = time.monotonic()
     outcome = run.run_scenario(config, 'fls_tip', tmp_path / 'run', run.RunOptions())
     assert time.monotonic() - began >= run.LEAVING_S
