@@ -35,7 +35,7 @@ from flexarm_ros.analysis.sweep.worker import start_worker
 from flexarm_ros.core.control import LAWS
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.scenario import ScenarioError, with_values
-from flexarm_ros.scenario.plugins import find_plugins_of
+from flexarm_ros.scenario.plugins.registry import find_plugins_of
 from flexarm_ros.scenario.sweeps.axes import numbers_in, Parameter
 from flexarm_ros.scenario.sweeps.sweep import Sweep
 from flexarm_ros.stability.margins import poses_along, ROUNDING

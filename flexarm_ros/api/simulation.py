@@ -36,7 +36,7 @@ from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.core.run.results.trajectory_rows import header, Row, Rows
 from flexarm_ros.scenario.errors import suggestion
-from flexarm_ros.scenario.plugins import register, section_names
+from flexarm_ros.scenario.plugins.registry import register, section_names
 import numpy as np
 from numpy.typing import ArrayLike
 

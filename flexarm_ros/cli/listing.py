@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 def _laws() -> Iterable[tuple[str, str]]:
     """Return the laws that a scenario can name, and where each comes from."""
     from flexarm_ros.core.control import BUILT_IN
-    from flexarm_ros.scenario.plugins import installed_laws, package_of
+    from flexarm_ros.scenario.plugins.registry import installed_laws, package_of
 
     yield from ((name, 'flexarm_ros') for name in BUILT_IN)
     for name, point in sorted(installed_laws().items()):
@@ -72,7 +72,7 @@ def _parts() -> Iterable[tuple[str, str]]:
     from flexarm_ros import scenario
     from flexarm_ros.core.run.parts import part_of, PARTS
     from flexarm_ros.scenario.errors import ScenarioError
-    from flexarm_ros.scenario.plugins import installed_parts, package_of
+    from flexarm_ros.scenario.plugins.registry import installed_parts, package_of
 
     for part in PARTS:
         optional = part.Parameters is not None

@@ -76,7 +76,7 @@ def _work(line: Connection, halt: Any, config: RunConfig, directory: Path, name:
     handle_ending(signal.SIG_IGN)  # signals reach the process group: the launcher decides
     allow_warnings()  # before modules that warn are imported
     from flexarm_ros.bag.simulation import simulate
-    from flexarm_ros.scenario.plugins import find_plugins_of
+    from flexarm_ros.scenario.plugins.registry import find_plugins_of
 
     try:
         find_plugins_of(config)

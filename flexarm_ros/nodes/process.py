@@ -46,7 +46,7 @@ from flexarm_ros.nodes.runtime.process.supervisor import Supervisor
 from flexarm_ros.nodes.runtime.topics.channels import connect
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.scenario.nodefile import named_parts, read_sections
-from flexarm_ros.scenario.plugins import find_section, role_names
+from flexarm_ros.scenario.plugins.registry import find_section, role_names
 import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor

@@ -44,7 +44,7 @@ from flexarm_ros.scenario.check import check
 from flexarm_ros.scenario.column_file import is_file
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
-from flexarm_ros.scenario.plugins import find_laws, find_section
+from flexarm_ros.scenario.plugins.registry import find_laws, find_section
 from flexarm_ros.scenario.reader import (
     beside,
     build,

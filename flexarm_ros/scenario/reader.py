@@ -39,8 +39,8 @@ from flexarm_ros.scenario.column_file import is_file, with_columns
 from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError, suggestion
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find
-from flexarm_ros.scenario.plugin_checks import check_plugins, OF_ROS
-from flexarm_ros.scenario.plugins import find_laws, find_section, section_names
+from flexarm_ros.scenario.plugins.declarations import check_plugins, OF_ROS
+from flexarm_ros.scenario.plugins.registry import find_laws, find_section, section_names
 from flexarm_ros.scenario.torque_file import check_order, HEADER, read_torques, Torques
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree, parse, Scalar, show, Tree, tree_of

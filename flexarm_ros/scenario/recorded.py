@@ -26,7 +26,7 @@ from dataclasses import dataclass, field, replace
 
 from flexarm_ros.core.parameters.sections import is_optional, keys, RunConfig
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.plugins import find_section
+from flexarm_ros.scenario.plugins.registry import find_section
 from flexarm_ros.scenario.reader import (
     build,
     check_torques,

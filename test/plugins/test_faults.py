@@ -32,7 +32,7 @@ from flexarm_ros.core.run.part import Answer, Column
 from flexarm_ros.core.run.parts import PLUGINS, register_part
 from flexarm_ros.core.sensing.sensor import Sensor
 from flexarm_ros.core.signals import Joints, Signal
-from flexarm_ros.scenario.plugin_checks import check_part
+from flexarm_ros.scenario.plugins.declarations import check_part
 import pytest
 
 TOPIC = 'odd/out'

@@ -28,7 +28,7 @@ from flexarm_ros.core.control import Law, Sample
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import changed, OWN_LAWS, RunConfig
 from flexarm_ros.core.parameters.spec import parameter
-from flexarm_ros.scenario import plugins
+from flexarm_ros.scenario.plugins import registry as plugins
 from nodetools import Asker, flexarm, wait_for
 import pytest
 from repository import ROOT

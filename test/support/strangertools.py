@@ -25,7 +25,7 @@ import sys
 from flexarm_ros.core.control import LAWS
 from flexarm_ros.core.parameters.sections import OWN_LAWS, SECTIONS
 from flexarm_ros.core.run.parts import PLUGINS
-from flexarm_ros.scenario import plugins
+from flexarm_ros.scenario.plugins import registry as plugins
 from nodetools import flexarm
 import pytest
 from repository import ROOT, TESTS

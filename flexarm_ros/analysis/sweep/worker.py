@@ -78,7 +78,7 @@ def run_task(
 ) -> Row:
     """Return the row of one run; an error becomes part of it."""
     from flexarm_ros.scenario import ScenarioError, with_values
-    from flexarm_ros.scenario.plugins import find_plugins_of
+    from flexarm_ros.scenario.plugins.registry import find_plugins_of
 
     index, base, overrides = task
     try:

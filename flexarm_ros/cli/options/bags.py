@@ -58,7 +58,7 @@ class _Trust(argparse.Action):
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
         option_string: str | None = None,
     ) -> None:  # fmt: skip
-        from flexarm_ros.scenario.plugins import trust
+        from flexarm_ros.scenario.plugins.registry import trust
 
         if not all(part.isidentifier() for part in values.split('.')):
             parser.error(f'argument --trust: {values!r} is not a PACKAGE.MODULE')

@@ -124,7 +124,7 @@ def _without_bag(
 
 def _list_laws() -> int:
     from flexarm_ros.core.control import BUILT_IN
-    from flexarm_ros.scenario.plugins import installed_laws
+    from flexarm_ros.scenario.plugins.registry import installed_laws
 
     for name in (*BUILT_IN, *sorted(installed_laws())):
         print(name)

@@ -63,7 +63,7 @@ def register_law(name: str, law: type[Law], prefix: str = '') -> None:
     Register ``law`` as ``controller.law: name``, with the keys ``controller.PREFIX.KEY``.
 
     ``prefix`` left out is ``name``.  The class is not checked here, but by the
-    caller (`flexarm_ros.scenario.plugins`).
+    caller (`flexarm_ros.scenario.plugins.registry`).
     """
     LAWS[name] = law
     OWN_LAWS[name] = OwnLaw(prefix or name, law.Parameters)

@@ -17,7 +17,7 @@ Interface of the parts of a run: role, section of the scenario, inputs, topics, 
 
 Another package derives its own part from `Answer` or from
 `flexarm_ros.core.sensing.sensor.Sensor` and names it in an entry point of the group
-``flexarm_ros.parts`` (`flexarm_ros.scenario.plugins`).
+``flexarm_ros.parts`` (`flexarm_ros.scenario.plugins.registry`).
 """
 
 from __future__ import annotations

@@ -350,7 +350,8 @@ def register_part(part: type[Part]) -> None:
     """
     Add this part to scenarios that have a section of its name.
 
-    The class is not checked here, but where it is loaded (`flexarm_ros.scenario.plugins`).
+    The class is not checked here, but where it is loaded
+    (`flexarm_ros.scenario.plugins.registry`).
     """
     assert part.Parameters is not None
     PLUGINS[part.NAME] = part

@@ -29,7 +29,7 @@ from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.core.parameters.sections import keys, RunConfig, Spec, values_of
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.plugins import find_laws
+from flexarm_ros.scenario.plugins.registry import find_laws
 from flexarm_ros.scenario.reader import find_key, full_name, PACE
 from flexarm_ros.scenario.yaml.convert import convert
 from flexarm_ros.scenario.yaml.rclyaml import (

@@ -33,7 +33,7 @@ from flexarm_ros.core.parameters.sections import (
     with_section,
 )
 from flexarm_ros.scenario.errors import clip
-from flexarm_ros.scenario.plugins import find_laws
+from flexarm_ros.scenario.plugins.registry import find_laws
 
 
 class Disagreement(ValueError):

@@ -35,7 +35,7 @@ from typing import Any
 from flexarm_ros.core.parameters.sections import OWN_LAWS, RunConfig, SECTIONS, specs
 from flexarm_ros.core.run.parts import known_parts, PARTS, register_part
 from flexarm_ros.scenario.errors import clip, ScenarioError
-from flexarm_ros.scenario.plugin_checks import check_defaults, check_parameters, check_part
+from flexarm_ros.scenario.plugins.declarations import check_defaults, check_parameters, check_part
 
 LAW_GROUP = 'flexarm_ros.laws'
 PART_GROUP = 'flexarm_ros.parts'
