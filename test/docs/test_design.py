@@ -18,19 +18,35 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
+from pathlib import Path
 import re
 from typing import Any, ClassVar
 
 from flexarm_ros.bag.checks.recompute import Nodes
+from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.provenance import LAYERS as DIGESTED
-from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, with_section
+from flexarm_ros.bag.simulation import simulate
+from flexarm_ros.core.control import Law, LAWS
+from flexarm_ros.core.parameters.rig import ActuatorParameters
+from flexarm_ros.core.parameters.sections import (
+    ControllerParameters,
+    EncoderParameters,
+    keys,
+    RunConfig,
+    SECTIONS,
+    specs,
+    with_section,
+)
 from flexarm_ros.core.parameters.spec import parameter
 from flexarm_ros.core.run import parts
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.part import Answer, STATE
+from flexarm_ros.core.run.rig_parts import ActuatorPart
 from flexarm_ros.core.run.state import State
 from flexarm_ros.core.sensing.sensor import Sensor
 from flexarm_ros.core.signals import Joints, Signal
-from flexarm_ros.scenario import load
+from flexarm_ros.scenario import dump, from_text, load
+from flexarm_ros.scenario import table as parameter_table
 from flexarm_ros.wire.topics import per_tick_topics
 from layertools import API, LAYERS, modules
 import pytest
@@ -155,3 +171,111 @@ def test_a_sensor_is_one_class_with_its_section(monkeypatch: pytest.MonkeyPatch)
         assert (stamp, *values) == record.messages[place]
         before = now
     assert record.messages[place][1:] == (3.0 * ends[3][0], 3.0 * ends[3][1]) != (0.0, 0.0)
+
+
+class Braking(Law):
+    """A law as the page says to add one."""
+
+    def torque(self, k: int, sample: Any) -> tuple[float, float]:
+        return -50.0 * sample.encoder[2], -50.0 * sample.encoder[3]
+
+
+def test_a_law_is_one_class_with_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = specs(ControllerParameters)['law'][1]
+    before = spec.choices
+    monkeypatch.setitem(LAWS, 'braking', Braking)
+    object.__setattr__(spec, 'choices', (*before, 'braking'))
+    try:
+        config = load('pd_tip', ['controller.law=braking', 'duration=0.05'])
+        simulate(config, tmp_path / 'run')
+        verdict = verify(tmp_path / 'run')
+        assert verdict.same
+        assert verdict.compared['closed loop'] == 6 * 50
+    finally:
+        object.__setattr__(spec, 'choices', before)
+
+
+class Both(Answer):
+    """A part with two topics."""
+
+    NAME: ClassVar[str] = 'both'
+    Parameters = Keys
+    READS = (STATE,)
+
+    def __init__(self, config: RunConfig) -> None:
+        pass
+
+    @classmethod
+    def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
+        return (Signal('both/first', Joints(fields=('position',))),)
+
+    @classmethod
+    def further_signals(cls, config: RunConfig) -> tuple[Signal, ...]:
+        return (Signal('both/second', Joints(('x',), ('velocity',))),)
+
+    def answer(self, k: int, state: State) -> Any:
+        return tuple(state.q[:2]), (float(k),)
+
+
+@pytest.mark.usefixtures('registry')
+def test_a_topic_is_one_more_signal_and_one_more_value(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parts, 'PARTS', (*parts.PARTS[:-1], Both, parts.PARTS[-1]))
+    monkeypatch.setitem(SECTIONS, 'both', Both.Parameters)
+    config = load('pd_tip', ['both.gain=1', 'duration=0.02'])
+    assert [topic.name for topic in per_tick_topics(config)][-2:] == ['both/first', 'both/second']
+    simulate(config, tmp_path / 'run')
+    verdict = verify(tmp_path / 'run')
+    assert verdict.same
+    assert verdict.compared['both'] == 2 * 20
+
+
+@dataclass(frozen=True)
+class Damped(ActuatorParameters):
+    """The drives with one more key."""
+
+    share: float = parameter(1.0, 'float', '', 'share of the torque that is applied', low=0.0)
+
+
+class DampedDrives(ActuatorPart):
+    """Its effect."""
+
+    Parameters = Damped
+
+    def answer(self, k: int, command: tuple[float, float]) -> tuple[float, ...]:
+        share = self._drive.share  # type: ignore[attr-defined]
+        return super().answer(k, (share * command[0], share * command[1]))
+
+
+def test_a_drive_is_a_key_and_its_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plant takes the torque with it."""
+    drives = (DampedDrives if part is ActuatorPart else part for part in parts.PARTS)
+    monkeypatch.setattr(parts, 'PARTS', tuple(drives))
+    monkeypatch.setitem(SECTIONS, 'actuator', Damped)
+
+    def rates(share: float) -> Any:
+        loop = ClosedLoop(load('pd_tip', [f'actuator.share={share}', 'trajectory.side_time=1']))
+        for _ in range(20):
+            record = loop.tick()
+        assert record is not None
+        return record.qd[0]
+
+    assert abs(rates(0.5)) < 0.9 * abs(rates(1.0))
+
+
+@dataclass(frozen=True)
+class Marked(EncoderParameters):
+    """The encoders with one more key."""
+
+    mark: int = parameter(3, 'int', '', 'a number of no effect', low=0)
+
+
+def test_a_parameter_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SECTIONS, 'encoder', Marked)
+    config = load('pd_tip', ['encoder.mark=5'])
+    assert from_text(dump(config)).encoder.mark == 5  # type: ignore[attr-defined]
+    row = parameter_table.row('mark', *keys('encoder')['mark'])
+    assert row == '| `mark` | 3 | a number of no effect. *allowed: integer, at least 0* |'
+    with pytest.raises(ValueError, match=r'encoder.mark: -1 is out of range'):
+        load('pd_tip', ['encoder.mark=-1'])
