@@ -12,4 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Evaluation of recorded runs: figures, reports, comparisons.  Never imports rclpy."""
+"""
+Evaluation of recorded runs: figures, reports, comparisons, and sweeps of runs in parallel.
+
+Imports core, stability, scenario and its own folders; no ROS.
+"""

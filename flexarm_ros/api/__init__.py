@@ -15,6 +15,7 @@
 """
 The Python API: runs, figures, linear models, a Gymnasium environment.
 
-Like the command line, an outermost layer; ROS is not needed.  Use the names through
+Like the command line, an outermost layer.  Imports core, stability, scenario, bag, analysis and
+identification; no ROS.  Use the names through
 ``import flexarm_ros as fa``; those listed in ``flexarm_ros.__all__`` are stable.
 """

@@ -15,8 +15,9 @@
 """
 The ROS 2 nodes of a run, and how their processes start and end.
 
-A node imports `nodes.runtime`, which is the same for all of them, and no other node; besides core,
-wire, scenario and bag.
+Imports core, wire, scenario, bag, and the folders here: `nodes.runtime`, which is the same for
+every node, `nodes.run_control`, `nodes.realtime`, `nodes.player`, `nodes.view`.  No node imports
+another one.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ import ast
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -140,6 +141,10 @@ def test_nobody_uses_the_standin() -> None:
         ('core.plant', 'np.random.normal()', 'core uses numpy.random.normal'),
         ('core.plant', 'np.random.default_rng()', 'core uses numpy.random.default_rng'),
         ('bag.cdr', 'import rclpy', 'bag imports rclpy'),
+        ('bag.cdr', 'def f():\n    from rclpy import node', 'bag imports rclpy.node'),
+        ('bag.cdr', "importlib.import_module('rclpy.node')", 'bag imports rclpy.node'),
+        ('bag.cdr', "__import__('rclpy')", 'bag imports rclpy'),
+        ('core.x', "import_module('flexarm_ros.bag.cdr')", 'core imports flexarm_ros.bag.cdr'),
         ('scenario.check', 'import rclpy.node', 'scenario imports rclpy.node'),
         ('analysis.x', 'from flexarm_ros.nodes import main', 'analysis imports'),
         ('nodes.x', 'import flexarm_ros.launcher', 'nodes imports flexarm_ros.launcher'),
@@ -189,23 +194,131 @@ def test_roles_are_listed_in_one_place() -> None:
     assert not found, '\n'.join(found)
 
 
-def imported(path: Path) -> set[str]:
-    """Return the modules of the package that a module imports, wherever in it, for types too."""
-    names = {dotted(p) for p in modules()}
-    tree = ast.parse(path.read_text('utf-8'))
+def imported(source: str, module: str, is_package: bool, names: set[str]) -> set[str]:
+    """Return those of ``names`` that a module imports, wherever in it, for types too."""
     found = set()
-    for name in imports(tree, dotted(path), path.name == '__init__.py'):
+    for name in imports(ast.parse(source), module, is_package):
         while name and name not in names:
             name = name.rpartition('.')[0]
         found.add(name)
     # The bare package is where things are, and what version it is.
-    return found - {PACKAGE, '', dotted(path)}
+    return found - {PACKAGE, '', module}
+
+
+def circle(sources: dict[str, tuple[str, bool]]) -> str:
+    """
+    Return the modules that import one another in a circle as text, empty if there are none.
+
+    ``sources``: dotted name -> source, and whether it is a package.
+    """
+    names = set(sources)
+    graph = {
+        name: imported(text, name, package, names) for name, (text, package) in sources.items()
+    }
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        return ' imports '.join(reversed(error.args[1]))
+    return ''
 
 
 def test_no_module_imports_one_that_imports_it() -> None:
     """Neither at once nor by way of others: each can be understood without what uses it."""
-    graph = {dotted(path): imported(path) for path in modules()}
-    try:
-        tuple(TopologicalSorter(graph).static_order())
-    except CycleError as error:
-        pytest.fail(' imports '.join(reversed(error.args[1])))
+    sources = {
+        dotted(path): (path.read_text('utf-8'), path.name == '__init__.py') for path in modules()
+    }
+    found = circle(sources)
+    assert not found, found
+
+
+@pytest.mark.parametrize(
+    'back',
+    [
+        'from flexarm_ros.core import a',
+        'from . import a',
+        'if TYPE_CHECKING:\n    from flexarm_ros.core.a import A',
+        'def f():\n    from flexarm_ros.core.a import A',
+        "def f():\n    import_module('flexarm_ros.core.a')",
+        'from flexarm_ros.core import c',
+    ],
+)
+def test_circles_are_seen(back: str) -> None:
+    """For types, in a function, by a call, by way of another module."""
+    there = {
+        'flexarm_ros.core.a': ('from flexarm_ros.core.b import B', False),
+        'flexarm_ros.core.b': ('', False),
+        'flexarm_ros.core.c': ('def g():\n    from flexarm_ros.core.a import A', False),
+    }
+    assert circle(there) == ''
+    there['flexarm_ros.core.b'] = (back, False)
+    assert 'flexarm_ros.core.b imports' in circle(there)
+
+
+def told_imports(folder: Path) -> str:
+    """Return what a folder's ``__init__`` says of its imports, empty if it says nothing."""
+    text = ast.get_docstring(ast.parse((folder / '__init__.py').read_text('utf-8'))) or ''
+    return ' '.join(text[text.index('Imports ') :].split()) if 'Imports ' in text else ''
+
+
+def untold(told: str, folder: str, targets: set[str]) -> list[str]:
+    """
+    Return those modules of ``targets`` that ``told`` does not name.
+
+    A module is named by its own name or that of a folder that has it, as far as ``folder`` is
+    not in it, or as "the rest of FOLDER"; its sub-folders need no word.
+    """
+    rest = tuple(f'{PACKAGE}.{name}.' for name in re.findall(r'the rest of `([\w.]+)`', told))
+    words = {word.rstrip('s') for word in re.findall(r'\w+', told)}
+    if words & {'every', 'everything', 'all'}:
+        return []
+    found = []
+    for target in sorted(targets):
+        own, parts = folder.split('.'), target.split('.')
+        while own and parts and own[0] == parts[0]:
+            del own[0], parts[0]
+        if (
+            own
+            and not target.startswith(rest)
+            and not words & {part.rstrip('s') for part in parts}
+        ):
+            found.append(target)
+    return found
+
+
+FOLDERS = [path.parent for path in modules() if path.name == '__init__.py' and path.parent != ROOT]
+
+
+@pytest.mark.parametrize('folder', FOLDERS, ids=lambda path: dotted(path / '__init__.py'))
+def test_a_folder_says_what_it_imports(folder: Path) -> None:
+    name, known = dotted(folder / '__init__.py'), {dotted(path) for path in modules()}
+    targets = set()
+    for path in folder.glob('*.py'):
+        source = path.read_text('utf-8')
+        targets |= imported(source, dotted(path), path.name == '__init__.py', known)
+    outside = {t for t in targets if not t.startswith(f'{name}.') and t != name}
+    if outside:
+        assert untold(told_imports(folder), name, outside) == []
+
+
+@pytest.mark.parametrize(
+    ('told', 'target', 'named'),
+    [
+        ('Imports the arm and the timeline.', 'flexarm_ros.core.arm.full.model', True),
+        ('Imports the arm and the timeline.', 'flexarm_ros.core.timeline', True),
+        ('Imports the arm and the timeline.', 'flexarm_ros.core.run.part', False),
+        ('Imports core.', 'flexarm_ros.core.run.part', False),
+        ('Imports the rest of `core.run`.', 'flexarm_ros.core.run.part', True),
+        ('Imports the rest of `core.arm`.', 'flexarm_ros.core.run.part', False),
+        ('Imports core.', 'flexarm_ros.wire.cdr', False),
+        ('Imports wire.', 'flexarm_ros.wire.cdr', True),
+        ('', 'flexarm_ros.core.sensing.own.x', True),
+    ],
+)
+def test_an_import_that_is_not_told_is_seen(told: str, target: str, named: bool) -> None:
+    assert (untold(told, f'{PACKAGE}.core.sensing', {target}) == []) is named
+
+
+def test_folders_are_of_a_size_to_be_read() -> None:
+    """At most some twelve files beside ``__init__``."""
+    sizes = {str(path.relative_to(ROOT)): len(list(path.glob('*.py'))) - 1 for path in FOLDERS}
+    assert {name: size for name, size in sizes.items() if size > 12} == {}

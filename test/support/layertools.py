@@ -38,7 +38,11 @@ ROS = {
 
 
 def imports(tree: ast.Module, module: str, is_package: bool) -> Iterator[str]:
-    """Yield the dotted name of everything that a module imports, wherever in it."""
+    """
+    Yield the dotted name of everything that a module imports, wherever in it.
+
+    Also what it imports by a call with the name as a literal.
+    """
     base = module.split('.') if is_package else module.split('.')[:-1]
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -47,6 +51,16 @@ def imports(tree: ast.Module, module: str, is_package: bool) -> Iterator[str]:
             start = base[: len(base) - node.level + 1] if node.level else []
             prefix = '.'.join([*start, *([node.module] if node.module else [])])
             yield from (f'{prefix}.{alias.name}' for alias in node.names)
+        elif isinstance(node, ast.Call) and _called(node.func) in {'import_module', '__import__'}:
+            names = [a.value for a in node.args[:1] if isinstance(a, ast.Constant)]
+            yield from (name for name in names if isinstance(name, str))
+
+
+def _called(function: ast.expr) -> str:
+    """Return the last part of the name of a function."""
+    if isinstance(function, ast.Attribute):
+        return function.attr
+    return function.id if isinstance(function, ast.Name) else ''
 
 
 def modules() -> list[Path]:

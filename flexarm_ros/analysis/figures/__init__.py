@@ -15,5 +15,5 @@
 """
 Figures of runs with matplotlib: paths, corners, signals, the fuzzy system, the paper's figures.
 
-Imports core, stability, wire, scenario and bag; no ROS.
+Imports core, bag, the palette and the recorded runs of the report; no ROS.
 """

@@ -15,5 +15,5 @@
 """
 One HTML page about recorded runs: data of the runs, tables, claims, and the page.
 
-Imports core, stability, wire, scenario, bag and the figures; no ROS.
+Imports core, scenario, bag, the palette and the figures; no ROS.
 """

@@ -15,5 +15,6 @@
 """
 Many scenarios in parallel: workers, the resulting table, its figures.
 
-Imports core, stability, wire, scenario and bag; no ROS.
+Imports core, scenario, bag, the style of the figures, the spawning of processes and the linear
+analysis of a sweep (`analysis.sweep_linear`); no ROS.
 """

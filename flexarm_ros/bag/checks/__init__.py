@@ -15,5 +15,6 @@
 """
 Checks of bags: recomputation of every message, comparison of two runs, digest.
 
-Imports core, wire, scenario and bag; no ROS.
+Imports core, wire, scenario, the errors, provenance and metadata of bag, `bag.mcap`, `bag.reading`
+and `bag.tables`; no ROS.
 """

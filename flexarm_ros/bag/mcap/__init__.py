@@ -15,5 +15,6 @@
 """
 MCAP files: location, scanning, reading, writing, and recovery of damaged ones.
 
-Imports core, wire, scenario and the errors of bag; no ROS.
+Imports core, wire, scenario, and of bag its errors, metadata (embedded_metadata), writer and
+reader; no ROS.
 """

@@ -15,5 +15,6 @@
 """
 Reading of recorded runs: messages tick by tick, from bags of this package and of other recorders.
 
-Imports core, wire, scenario, bag.mcap and the metadata and errors of bag; no ROS.
+Imports core, wire, scenario, `bag.mcap`, and the metadata
+(embedded_metadata), provenance and errors of bag; no ROS.
 """

@@ -15,5 +15,6 @@
 """
 Bags as tables: a table per topic, the trajectory, and their export to files.
 
-Imports core, wire, scenario and bag; no ROS.
+Imports core, wire, scenario, the errors and metadata of bag (embedded_metadata), `bag.mcap` and
+`bag.reading`; no ROS.
 """

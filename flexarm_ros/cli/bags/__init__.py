@@ -15,6 +15,7 @@
 """
 Commands that read recorded runs: verify, digest, compare, export, recover, replay, report.
 
-Each has ``add_parser(make)`` and ``run(args) -> int``.  Imports `cli.options` and what a
-command needs; rclpy and the launcher only inside ``run`` of the commands that start nodes.
+Each has ``add_parser(make)`` and ``run(args) -> int``.  Imports `cli.options` and of every
+layer what a command needs; rclpy and the launcher only inside ``run`` of the commands that start
+nodes.
 """

@@ -15,5 +15,5 @@
 """
 What several commands share: options, the output directory, progress and the final table.
 
-Imports no command.
+Imports of every layer what an option needs, and no command.
 """

@@ -15,5 +15,5 @@
 """
 The arm: models, shape functions, matrices and kinematics; the ``full`` model in `core.arm.full`.
 
-Imports the numerics, the parameters and the timeline.
+Imports the numerics, the parameters, the signals and the timeline.
 """

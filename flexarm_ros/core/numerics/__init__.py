@@ -15,5 +15,5 @@
 """
 Compiled functions, elementary functions with defined bits, linear algebra.
 
-Imports nothing of this package except the location of the code cache.
+Imports nothing of this package except the location of the code cache (code_cache).
 """

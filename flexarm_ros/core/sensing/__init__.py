@@ -15,5 +15,6 @@
 """
 Sensors and transport delays of their samples.
 
-Imports the numerics, the parameters, the arm and the timeline.
+Imports the numerics, the parameters, the arm, the signals, the timeline, and of `core.run` the
+interface of a part.
 """

@@ -15,5 +15,6 @@
 """
 Node processes forked from one that has imported all modules.
 
-The server imports core and scenario; the parent only the standard library.
+Imports core and scenario in the server; the parent only names: the classes of the nodes and the
+code cache (code_cache).
 """

@@ -15,5 +15,6 @@
 """
 Playback of a recorded run, and its lock-step peers for a controller under test.
 
-Imports the runtime of the nodes and bag.
+Imports core, wire, scenario, bag, the runtime of the nodes, and of the free-running runs their
+command (realtime).
 """

@@ -15,5 +15,5 @@
 """
 Free-running runs: the plant paced by the wall clock, and its requests to Linux.
 
-Imports the runtime of the nodes and the control of a run.
+Imports core, wire, the runtime of the nodes and the control of a run (run_control).
 """

@@ -17,5 +17,6 @@ The part of a node that is the same for every role: join, advance in lock-step, 
 
 Its folders: `topics` (publishers and subscriptions), `joining` (status messages, exchange of the
 scenario), `parameters` (declaration, live changes) and `process` (environment, middleware,
-launcher).  Imports core, wire, scenario and bag, and no node.
+launcher).  Imports core, wire and scenario, the requests to Linux of
+`nodes.realtime`, and no node.
 """

@@ -15,5 +15,6 @@
 """
 The arm for Foxglove, Lichtblick and RViz, live or recorded.
 
-Imports the runtime of the nodes.
+Imports core, wire, scenario, the palette of analysis, the reader of bag and the runtime of the
+nodes.
 """

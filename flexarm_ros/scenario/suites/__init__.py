@@ -15,5 +15,5 @@
 """
 Suites: many runs with their expectations.
 
-Imports core and the reading of YAML.
+Imports core and the rest of `scenario`, but no sweep.
 """

@@ -15,5 +15,5 @@
 """
 Sweeps: the axes and the points of a grid or of random draws.
 
-Imports core and the reading of YAML.
+Imports core and the rest of `scenario`.
 """

@@ -15,5 +15,5 @@
 """
 YAML as read by rcl, and the checks of its values.
 
-Imports core.
+Imports core and the errors of scenarios.
 """

@@ -15,5 +15,6 @@
 """
 The plant with joint friction and real drives: either model, integrated between located events.
 
-`dynamics` has the method and its sources.  Imports what `core.arm` and `core.arm.full` may.
+`dynamics` has the method and its sources.  Imports the rest of `core.arm`, the
+numerics, the parameters, the signals and the timeline.
 """

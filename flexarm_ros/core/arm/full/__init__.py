@@ -15,6 +15,7 @@
 """
 The ``full`` plant: two inextensible links that bend far, with every inertia term.
 
-Its shape functions come from `core.arm`, whose kinematics read `shapes`.  Imports what
-`core.arm` may.
+Its shape functions come from `core.arm`, whose kinematics read `shapes`.  Imports the
+rest of `core.arm`, the numerics, the parameters, the signals and the
+timeline.
 """

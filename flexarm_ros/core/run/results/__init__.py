@@ -15,5 +15,5 @@
 """
 The results of a run, from its ticks: trajectory rows, metrics, timing of free runs.
 
-Imports the parts and blocks of core.run and the rest of core.
+Imports all of core, of `core.run` the parts and blocks.
 """

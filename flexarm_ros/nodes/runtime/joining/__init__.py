@@ -15,5 +15,5 @@
 """
 How nodes become one run: status messages, exchange of the scenario, connections.
 
-Imports core, wire, scenario, and the runtime's topics and process.
+Imports core, wire, scenario, and of the runtime its errors, member, topics and process.
 """

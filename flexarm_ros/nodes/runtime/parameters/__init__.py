@@ -15,5 +15,5 @@
 """
 ROS parameters of the nodes: declaration, parameters outside scenarios, live changes.
 
-Imports core, wire, scenario, and the runtime's topics and joining.
+Imports core, wire, scenario, and of the runtime its errors, member, topics and joining.
 """
