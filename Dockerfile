@@ -6,6 +6,7 @@
 # Debian 12 has Python 3.11; rclpy comes from wheels, pinned in constraints/ (docs/install.md).
 FROM debian:12-slim
 
+# hadolint ignore=DL3008 (mirrors of Debian keep the newest version of a package only)
 RUN apt-get update \
     && apt-get install -y --no-install-recommends ca-certificates chromium git iproute2 make python3-venv \
     && rm -rf /var/lib/apt/lists/*
