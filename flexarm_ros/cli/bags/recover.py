@@ -27,7 +27,7 @@ def add_parser(make: Any) -> None:
     """Add the command to the main parser; ``make`` returns its parser."""
     parser = make(
         description="Copy every intact chunk of the bag of RUN (a run's directory, its bag or "
-        'the .mcap file) into the new bag NEWBAG. Exit status: 0 whole, 3 in part, 1 nothing.',
+        'the .mcap file) into the new bag NEWBAG. Exit status: 0 complete, 3 in part, 1 nothing.',
     )
     parser.add_argument('run', metavar='RUN', help='output directory of a run, or its bag')
     parser.add_argument('--out', metavar='NEWBAG', required=True, help='new directory of the bag')

@@ -38,9 +38,8 @@ def add_parser(make: Any) -> None:
         'closed loop, and compare every recorded message byte for byte.',
         epilog='A law, section or key of the scenario that this version does not know is taken as '
         'recorded, like an external node, and the rest is verified; nothing that a bag names is '
-        'imported. Exit status: 0 if all messages match; 1 if one differs or is missing, '
-        'the bag is damaged although its run does not say that it broke off, '
-        'or the bag cannot be read.',
+        'imported. Exit status: 0 if all messages match; 1 if one differs or is missing, the bag '
+        'is damaged although its run was completed, or the bag cannot be read.',
     )
     parser.add_argument(
         'runs', metavar='RUN', nargs='+', type=Path,

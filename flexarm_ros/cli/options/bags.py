@@ -31,14 +31,14 @@ def add_bag_options(parser: argparse.ArgumentParser, namespace: str = '--namespa
     group = parser.add_argument_group('for a bag of `ros2 bag record` or `ros2 bag convert`')
     group.add_argument(
         '--scenario', metavar='SCENARIO',
-        help='scenario of the run (a file or a shipped name), which such a bag does not hold',
+        help='scenario of the run (a file or a shipped name), which such a bag does not contain',
     )  # fmt: skip
     group.add_argument(
         '--set', action='append', default=[], dest='overrides', metavar='NODE.KEY=VALUE',
         help='override a parameter of SCENARIO, as the run did; may repeat',
     )  # fmt: skip
     group.add_argument(
-        namespace, metavar='NS', help='namespace of the run to read if the bag holds several'
+        namespace, metavar='NS', help='namespace of the run to read if the bag contains several'
     )
 
 
