@@ -277,6 +277,17 @@ def test_a_recorded_run_is_played_with_a_scrubber(browser: Browser, recorded: Pa
         page.close()
 
 
+def test_ticks_of_an_axis_have_the_digits_of_its_step(
+    browser: Browser, server: PageServer
+) -> None:
+    opened(browser, server.address)
+    for value, step, text in (
+        (0.005, 0.0025, '0.0050'), (-0.06, 0.02, '−0.06'), (-1e-4, 1e-4, '−1e−4'),
+        (-1e-20, 1e-4, '0'), (7.5, 2.5, '7.5'), (300.0, 100.0, '300'),
+    ):  # fmt: skip
+        assert browser.js(f'tickText({value!r}, {step!r})') == text
+
+
 def test_a_command_waits_until_its_node_is_heard_of() -> None:
     heard = iter(['', '', '/tip_sensor'])
     assert found(lambda role: next(heard), 'tip_sensor') == '/tip_sensor'

@@ -60,6 +60,15 @@ function drawArm() {
 }
 
 // --- the plots -------------------------------------------------------------------------------
+// uPlot's own text has three decimals, too few for the deflections of a small arm.
+function tickText(value, step) {
+  const minus = (text) => text.replaceAll("-", "−");
+  if (Math.abs(value) < step / 2) return "0";
+  if (step < 1e-3) return minus(Number(value.toPrecision(3)).toExponential());
+  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), scaled = step * 10 ** decimals;
+  return minus(value.toFixed(decimals + (Math.abs(scaled - Math.round(scaled)) > 1e-6 ? 1 : 0)));
+}
+
 function makePlots() {
   const box = byId("plots");
   box.textContent = "";
@@ -72,8 +81,8 @@ function makePlots() {
     const options = {
       title: plot.title + (plot.series[0][1] === "strain1" ? ", " + view.hello.strain : ""), width: div.clientWidth || 300, height: 120, cursor: { drag: { x: true, y: false }, sync: { key: "time" } },
       scales: { x: { time: false } }, legend: { live: true },
-      axes: [{ ...axis, size: 28 }, { ...axis, size: 62 }],
-      series: [{ label: "t, s" }, ...plot.series.map(([label, , name]) => ({ label, stroke: color(name), width: 1.5, spanGaps: false }))],
+      axes: [{ ...axis, size: 28 }, { ...axis, size: 70, space: 22, values: (u, ticks, index, space, step) => ticks.map((value) => tickText(value, step)) }],
+      series: [{ label: "t, s" }, ...plot.series.map(([label, , name]) => ({ label, stroke: color(name), width: 1.5, spanGaps: false, value: (u, value) => (value === null ? "--" : String(Number(value.toPrecision(4)))) }))],
     };
     return { plot, chart: new uPlot(options, [[], ...plot.series.map(() => [])], div), div };
   });
