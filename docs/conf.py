@@ -45,6 +45,8 @@ myst_fence_as_directive = ['math']
 
 html_theme = 'furo'
 html_title = 'flexarm_ros'
+html_static_path = ['site.css']
+html_css_files = ['site.css']
 html_show_sphinx = False
 html_copy_source = False
 html_show_search_summary = False  # it would be fetched, which a page opened as a file may not
