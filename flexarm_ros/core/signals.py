@@ -23,7 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-BASE_FRAME = 'base'
+BASE_FRAME, TOOL_FRAME = 'base', 'tool'
 JOINTS = ('shoulder', 'elbow')
 LINKS = ('link1', 'link2')
 
@@ -65,6 +65,14 @@ class PlanarForce:
 
 
 @dataclass(frozen=True)
+class PointMass:
+    """A mass (kg) at the tip; ``start``: before the first message."""
+
+    start: float
+    width: ClassVar[int] = 1
+
+
+@dataclass(frozen=True)
 class Inertial:
     """Rate of turn about z (rad/s) and specific force along x and y (m/s^2) of ``frame``."""
 
@@ -74,7 +82,7 @@ class Inertial:
     width: ClassVar[int] = 3
 
 
-Content = Clock | Joints | PlanarPoint | PlanarForce | Inertial
+Content = Clock | Joints | PlanarPoint | PlanarForce | PointMass | Inertial
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import copy
+from itertools import chain
 import time
 from typing import Any, ClassVar
 
@@ -25,12 +26,14 @@ from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.parts import PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.results.real_time import flat, shown
+from flexarm_ros.core.run.rig_parts import PAYLOAD
 from flexarm_ros.nodes.realtime.command import CommandInput
 from flexarm_ros.nodes.realtime.free import FreeRun
 from flexarm_ros.nodes.realtime.free import RECORDER_WINDOW as RECORDER_WINDOW_FREE
 from flexarm_ros.nodes.realtime.system import ask, SYSTEM_KEYS
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.fast_path import FastInputs
 from flexarm_ros.nodes.runtime.joining.status import Phase, PRIORITY
 from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
@@ -128,8 +131,11 @@ class PlantNode(Participant):
         )
 
     def warm_up(self) -> None:
-        """Integrate one step of a copy."""
-        copy.deepcopy(self.plant).step(0.0, 0.0)
+        """Integrate one step of a copy, after a grasp if the payload varies."""
+        plant = copy.deepcopy(self.plant)
+        if PAYLOAD in self.inputs:
+            plant.disturb(0.0, 0.0, self.config.plant.payload_mass + 1.0)
+        plant.step(0.0, 0.0)
 
     def check_start(self, now: float) -> None:
         """Start when every participant is ready."""
@@ -228,9 +234,15 @@ class PlantNode(Participant):
         Empty if the arm is stable.
         """
         if len(held) > 1:
-            self.plant.disturb(self.tick, *held[1])
+            self._disturb(held[1:])
         self.plant.step(*held[0])
         return instability(self.plant) or ''
+
+    def _disturb(self, held: Sequence[Sequence[float]]) -> None:
+        try:
+            self.plant.disturb(*chain.from_iterable(held))
+        except ValueError as error:
+            raise RunFailed(self._read[-1].source, f'tick {self.tick}: {error}') from None
 
     def _advance_free(self, free: FreeRun) -> bool:
         """Begin the next tick if it is due, with the newest inputs held over the last one."""

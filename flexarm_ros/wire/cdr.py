@@ -309,6 +309,19 @@ class WrenchCodec(Codec):
         super().__init__('geometry_msgs/msg/WrenchStamped', labels, image)
 
 
+class MassCodec(Codec):
+    """``geometry_msgs/msg/InertiaStamped``: a mass (kg) at the frame's origin, no inertia."""
+
+    def __init__(self, frame_id: str) -> None:
+        image = _Image()
+        image.stamp()
+        image.text(frame_id)
+        image.slots(1)
+        for _ in range(3 + 6):  # centre of mass, tensor of inertia
+            image.constant('d', 0.0)
+        super().__init__('geometry_msgs/msg/InertiaStamped', ('inertia.m',), image)
+
+
 class ImuCodec(Codec):
     """
     ``sensor_msgs/msg/Imu``: rate of turn about z (rad/s), acceleration along x, y (m/s^2).

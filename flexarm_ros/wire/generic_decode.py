@@ -33,6 +33,10 @@ if TYPE_CHECKING:  # imported on use: it takes 0.2 s
 
 _NS = 1_000_000_000
 _SURPLUS = 16
+_PLAIN = (
+    'geometry_msgs/msg/WrenchStamped', 'geometry_msgs/msg/InertiaStamped', 'sensor_msgs/msg/Imu',
+)  # fmt: skip
+"""Types whose fields are named as in the message."""
 
 
 @cache
@@ -72,7 +76,7 @@ def values(type_name: str, data: bytes, fields: Sequence[str]) -> tuple[int, tup
             f.replace('pose.', 'pose.pose.').replace('twist.', 'twist.twist.') for f in fields
         ]
         return stamp_ns, tuple(float(attrgetter(g)(found)) for g in getters)
-    if type_name in ('geometry_msgs/msg/WrenchStamped', 'sensor_msgs/msg/Imu'):
+    if type_name in _PLAIN:
         return stamp_ns, tuple(float(attrgetter(field)(found)) for field in fields)
     return stamp_ns, ()
 

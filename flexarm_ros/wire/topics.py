@@ -36,12 +36,15 @@ from flexarm_ros.core.signals import (
     Joints,
     PlanarForce,
     PlanarPoint,
+    PointMass,
+    TOOL_FRAME,
 )
 from flexarm_ros.wire.cdr import (
     ClockCodec,
     Codec,
     ImuCodec,
     JointStateCodec,
+    MassCodec,
     OdometryCodec,
     WrenchCodec,
 )
@@ -79,7 +82,8 @@ class Topic:
     work, except ``/clock``; ``path`` is the name in a bag.  ``node`` publishes
     it, at tick 0 and every ``every`` ticks.  For the stamps ``late`` and ``ahead`` see
     `flexarm_ros.core.run.part.Part`.  ``recorded_from``: the topic from which the recorder has
-    it, if another.
+    it, if another.  ``start``: what the plant of a free-running run holds before the first
+    message, zeros if empty.
     """
 
     name: str
@@ -90,6 +94,7 @@ class Topic:
     late: bool = False
     ahead: bool = False
     recorded_from: str = ''
+    start: tuple[float, ...] = ()
 
     def due(self, tick: int) -> bool:
         """Whether a message belongs to ``tick``."""
@@ -98,6 +103,11 @@ class Topic:
     def count(self, ticks: int) -> int:
         """Return the number of messages in the first ``ticks`` ticks."""
         return -(-ticks // self.every)
+
+    @property
+    def nothing(self) -> tuple[float, ...]:
+        """Return the values that the plant holds before the first message."""
+        return self.start or (0.0,) * len(self.codec.fields)
 
     @property
     def path(self) -> str:
@@ -110,11 +120,11 @@ class Topic:
         return self.codec.type_name
 
 
-APPLIED = ('plant/applied_command', 'plant/applied_wrench')
+APPLIED = ('plant/applied_command', 'plant/applied_wrench', 'plant/applied_payload')
 """In a free-running run: what the plant has held of each topic that it reads, in their order.
 
 It is recorded in place of that topic: ``joint_command`` or, with drives, ``actuator/torque``; the
-wrench.
+wrench; the payload.
 """
 
 TIMING = 'plant/timing'
@@ -168,6 +178,7 @@ def _lockstep_topics(config: RunConfig) -> tuple[Topic, ...]:
             every=signal.every,
             late=owner.LATE,
             ahead=owner.AHEAD,
+            start=(signal.content.start,) if isinstance(signal.content, PointMass) else (),
         )
         for owner, signal in parts.signals(config)
     )
@@ -177,6 +188,8 @@ def codec(content: Content) -> Codec:
     """Return the codec of a signal's values."""
     if isinstance(content, PlanarForce):
         return WrenchCodec(BASE_FRAME)
+    if isinstance(content, PointMass):
+        return MassCodec(TOOL_FRAME)
     if isinstance(content, Inertial):
         return ImuCodec(content.frame, content.gyro_variance, content.accel_variance)
     if isinstance(content, Joints):

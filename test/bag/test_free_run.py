@@ -95,7 +95,10 @@ def test_the_plant_is_proved_by_the_command_that_it_held(tmp_path: Path) -> None
 @pytest.fixture(scope='module')
 def rig() -> RunConfig:
     """Return the lab arm, pushed all the time, as a free-running run of 100 ticks."""
-    push = DisturbanceParameters(force_times=(0.0, 0.1), force_x=(0.0, 2.0), force_y=(1.0, 1.0))
+    push = DisturbanceParameters(
+        force_times=(0.0, 0.1), force_x=(0.0, 2.0), force_y=(1.0, 1.0), payload_times=(0.03, 0.06),
+        payload_masses=(0.6, 0.1),
+    )  # fmt: skip
     lab = scenario.load('lab_arm', ['duration=0.1'])
     further = sorted([*lab.further, ('disturbance', push)])
     return free_config(replace(lab, further=tuple(further)))
@@ -109,7 +112,7 @@ def test_drives_and_disturbances_are_proved_by_what_the_plant_held(
     assert verdict.same, verdict.earliest
     assert not any('missing' in note for note in verdict.notes)
     named = ('controller', 'actuator', 'disturbance')
-    assert [verdict.compared[name] for name in named] == [100] * 3
+    assert [verdict.compared[name] for name in named] == [100, 100, 200]
     finish_run(directory, rig, 'free')
     timing = read_timing(directory)
     assert timing is not None
@@ -125,8 +128,13 @@ def test_drives_and_disturbances_are_proved_by_what_the_plant_held(
         ('actuator/torque', 4),
         ('disturbance/wrench', -41),
         ('disturbance/wrench', 4),
+        ('disturbance/payload', -73),
+        ('disturbance/payload', 4),
     ],
-    ids=['torque', 'stamp of the torque', 'force', 'stamp of the force'],
+    ids=[
+        *('torque', 'stamp of the torque', 'force', 'stamp of the force', 'payload'),
+        'stamp of the payload',
+    ],
 )
 def test_what_was_not_computed_is_found_on_every_topic_that_the_plant_reads(
     name: str, byte: int, rig: RunConfig, tmp_path: Path

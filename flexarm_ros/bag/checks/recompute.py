@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
 from flexarm_ros.core.parameters.changes import Agenda
@@ -26,6 +27,7 @@ from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.outside import make_part
 from flexarm_ros.core.run.part import Answer, DRIVES
 from flexarm_ros.core.run.parts import answering, PLANT_VALUES, PlantPart
+from flexarm_ros.core.run.rig_parts import PAYLOAD
 from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import CLOCK, STATE, Topic
@@ -56,6 +58,7 @@ class Nodes:
         names = [topic.name for topic in topics]
         self._plant_reads = [names.index(name) for name in PlantPart.reads(config)]
         self._drives = names.index(DRIVES) if DRIVES in names else None
+        self._payload = names.index(PAYLOAD) if PAYLOAD in names else None
         self._further = [
             (names.index(s.name), PLANT_VALUES[s.name]) for s in PlantPart.further_signals(config)
         ]
@@ -81,6 +84,8 @@ class Nodes:
             found[STATE] = (stamp, state.values())
             for place, values in self._further:
                 found[place] = (stamp, tuple(values(self._plant)))
+        else:
+            self._carry(now)
         recorded = now[STATE]
         views: list[Any] = list(now)
         views[STATE] = MessageState(recorded) if recorded is not None else None
@@ -124,10 +129,24 @@ class Nodes:
             plant.set_state(recorded.positions, recorded.rates)
             if drives:
                 plant.drives[:] = np.reshape(drives, (2, 2))
-            if len(known) > 1:
-                plant.disturb(tick - 1, *known[1])
+            if len(known) > 1 and not self._disturb(known[1:]):
+                return None
             plant.step(*known[0])
         return State(plant.q, plant.qd, plant.deflections())
+
+    def _carry(self, now: Tick) -> None:
+        """Let the plant have the payload of ``now``, where its own is not known."""
+        payload = None if self._payload is None else now[self._payload]
+        if payload is not None:
+            self._disturb([(0.0, 0.0), payload])
+
+    def _disturb(self, values: Sequence[Values]) -> bool:
+        """Give the plant its disturbances; False if they are not allowed."""
+        try:
+            self._plant.disturb(*chain.from_iterable(values))
+        except ValueError:
+            return False
+        return True
 
 
 class _Held:
@@ -151,7 +170,7 @@ class _Held:
         answers, now = self.answers, self._timeline.stamp_ns(tick)
         if not answers:
             return None
-        stamp, nothing = stamp_of(topic, data), (0.0,) * len(topic.codec.fields)
+        stamp, nothing = stamp_of(topic, data), topic.nothing
         if stamp == 0:
             return 0, nothing
         if not self._last <= stamp <= now or (now - stamp) % self._timeline.period_ns:

@@ -185,8 +185,8 @@ class DisturbanceParameters:
     """
     Section ``disturbance``: a force at the tip and changes of the payload.
 
-    The files' rows become the arrays beside them when a user's scenario is read, so that they
-    travel with the scenario.
+    The payload is on a topic if it comes from a file or is ``payload_live``.  The files' rows
+    become the arrays beside them when a user's scenario is read, so that they travel with it.
     """
 
     force_file: str | None = _key(
@@ -196,6 +196,11 @@ class DisturbanceParameters:
     payload_file: str | None = _key(
         None, 'str', '', 'CSV t,payload_mass, s and kg: payload at the tip from the first tick '
         'at or after t on; path relative to the scenario',
+    )  # fmt: skip
+    payload_live: bool = _key(
+        False, 'bool', '', 'whether disturbance/payload exists without a payload_file too, for an '
+        'external node that sets the payload at each tick; the steps of the plant are then '
+        'chosen for any payload, otherwise for the lightest of the file',
     )  # fmt: skip
     force_times: tuple[float, ...] | None = _key(
         None, 'floats', 's', 'column t of force_file', low=-1e7, high=1e7
@@ -212,3 +217,17 @@ class DisturbanceParameters:
     payload_masses: tuple[float, ...] | None = _key(
         None, 'floats', 'kg', 'column payload_mass of payload_file', low=0.0, high=1e6
     )
+
+    @property
+    def varies_payload(self) -> bool:
+        """Return whether the payload is on a topic."""
+        return self.payload_live or bool(self.payload_masses)
+
+    def payload_at(self, time: float, mass: float) -> float:
+        """Return the payload, kg, at ``time``, s; before the first row ``mass``."""
+        rows = zip(self.payload_times or (), self.payload_masses or (), strict=True)
+        return next((m for t, m in reversed([*rows]) if t <= time), mass)
+
+    def lightest(self, mass: float) -> float:
+        """Return the lightest payload that is allowed, kg; ``mass``: ``plant.payload_mass``."""
+        return 0.0 if self.payload_live else min(mass, *(self.payload_masses or (mass,)))

@@ -114,7 +114,7 @@ class ClosedLoop:
         places, inputs = self.answers.places, PlantPart.reads(config)
         self._last = self.answers.messages
         self._applied = places[inputs[0]] if inputs[0] != COMMAND else None
-        self._wrench = places[inputs[1]] if len(inputs) > 1 else None
+        self._disturbances = [places[name] for name in inputs[1:]]
         self._further = [
             (places[s.name], PLANT_VALUES[s.name]) for s in PlantPart.further_signals(config)
         ]
@@ -126,8 +126,8 @@ class ClosedLoop:
         if k >= self._ticks or self.unstable is not None:
             return None
         if self.torque is not None:
-            if self._wrench is not None:
-                plant.disturb(k - 1, *self._last[self._wrench])
+            if self._disturbances:
+                plant.disturb(*[value for i in self._disturbances for value in self._last[i]])
             plant.step(*(self.torque if self._applied is None else self._last[self._applied]))
         trouble = instability(plant)
         if trouble is not None:

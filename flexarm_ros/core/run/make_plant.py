@@ -31,8 +31,8 @@ def highest_frequency(config: RunConfig) -> float:
     """Return the highest natural rate of the plant, rad/s, over all elbow angles."""
     drive, load, plant = config.section('actuator'), config.section('disturbance'), config.plant
     parted = (0.0, 0.0) if drive is None else drive.rotors(plant.hub_inertia)
-    if load is not None and load.payload_masses:
-        lightest = min(plant.payload_mass, *load.payload_masses)
+    if load is not None and load.varies_payload:
+        lightest = load.lightest(plant.payload_mass)
         config = replace(config, plant=replace(plant, payload_mass=lightest))
     if plant.model == 'full':
         from flexarm_ros.core.arm.full import plant as plant_full

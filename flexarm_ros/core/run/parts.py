@@ -51,6 +51,7 @@ from flexarm_ros.core.run.rig_parts import (
     ACTUATOR_TORQUE,
     ActuatorPart,
     DisturbancePart,
+    PAYLOAD,
     WRENCH,
 )
 from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
@@ -94,9 +95,16 @@ class PlantPart(Part):
 
     @classmethod
     def reads(cls, config: RunConfig) -> tuple[str, ...]:
-        """Return the torques, those of the drives if there are any, and the force at the tip."""
+        """
+        Return the torques, those of the drives if there are any, then the disturbances.
+
+        These are the force at the tip, and the payload if it varies.
+        """
         torque = ACTUATOR_TORQUE if config.section(ActuatorPart.NAME) is not None else COMMAND
-        return (torque, WRENCH) if config.section(DisturbancePart.NAME) is not None else (torque,)
+        if config.section(DisturbancePart.NAME) is None:
+            return (torque,)
+        varies = DisturbancePart.varies_payload(config)
+        return (torque, WRENCH, PAYLOAD) if varies else (torque, WRENCH)
 
     @classmethod
     def further_signals(cls, config: RunConfig) -> tuple[Signal, ...]:

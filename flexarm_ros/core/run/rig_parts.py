@@ -25,10 +25,11 @@ from flexarm_ros.core.parameters.rig import ActuatorParameters, DisturbanceParam
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.part import Answer, Column, COMMAND, STATE
 from flexarm_ros.core.sensing.channel_keys import check_channel
-from flexarm_ros.core.signals import JOINTS, Joints, PlanarForce, Signal
-from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.core.signals import JOINTS, Joints, PlanarForce, PointMass, Signal
+from flexarm_ros.core.timeline import NS_PER_S, Timeline
 
 ACTUATOR_TORQUE, WRENCH = 'actuator/torque', 'disturbance/wrench'
+PAYLOAD = 'disturbance/payload'
 
 
 class ActuatorPart(Answer):
@@ -125,21 +126,33 @@ class ActuatorPart(Answer):
 
 
 class DisturbancePart(Answer):
-    """A force at the tip, from its file; an external node may give any."""
+    """A force at the tip and the payload, from their files; an external node may give any."""
 
     NAME = 'disturbance'
     Parameters = DisturbanceParameters
+    SHARED = ('payload_live', 'payload_times', 'payload_masses')
     READS = (STATE,)
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
-        """Return the force over the tick."""
-        return (Signal(WRENCH, PlanarForce()),)
+        """Return the force over the tick, and the payload if it varies."""
+        force = Signal(WRENCH, PlanarForce())
+        if not cls.varies_payload(config):
+            return (force,)
+        return force, Signal(PAYLOAD, PointMass(config.plant.payload_mass))
 
     @classmethod
     def columns(cls, config: RunConfig) -> tuple[Column, ...]:
-        """Return the force."""
-        return Column('force_x', WRENCH, 0, 'N'), Column('force_y', WRENCH, 1, 'N')
+        """Return the force, and the payload if it varies."""
+        force = Column('force_x', WRENCH, 0, 'N'), Column('force_y', WRENCH, 1, 'N')
+        payload = (Column('payload', PAYLOAD, 0, 'kg'),)
+        return (*force, *payload) if cls.varies_payload(config) else force
+
+    @classmethod
+    def varies_payload(cls, config: RunConfig) -> bool:
+        """Return whether the payload is on a topic."""
+        held = config.section(cls.NAME)
+        return held is not None and bool(held.varies_payload)
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
@@ -164,13 +177,21 @@ class DisturbancePart(Answer):
         from flexarm_ros.core.control.open_loop import torque_at
         import numpy as np
 
-        held = config.section(self.NAME)
+        self._held = held = config.section(self.NAME)
+        self._first_mass = config.plant.payload_mass
         self._at, self._period_ns = torque_at, Timeline.of(config.run).period_ns
         columns = (held.force_times, held.force_x, held.force_y)
         self._table = np.array([column or () for column in columns], dtype=float).T.copy()
+        self._varies = held.varies_payload
 
-    def answer(self, k: int, state: Any) -> tuple[float, float]:
-        """Return fx, fy, N, at the middle of the tick."""
+    def answer(self, k: int, state: Any) -> Any:
+        """Return fx, fy, N, at the middle of the tick; with a payload a tuple of that and kg."""
+        force = self._force(k)
+        if not self._varies:
+            return force
+        return force, (self._held.payload_at(k * self._period_ns / NS_PER_S, self._first_mass),)
+
+    def _force(self, k: int) -> tuple[float, float]:
         if not len(self._table):
             return 0.0, 0.0
         found: tuple[float, float] = self._at(self._table, k, self._period_ns, 0.0)

@@ -18,8 +18,9 @@ The plant's side of a free-running run (``sync: free``): ticks by the wall clock
 Tick k is due at a time that follows from the first tick and the speed alone, so that delays do not
 add up; the ticks after a late one catch up.  At the end of tick k the newest command that has
 arrived is held over it: with all commands in time the run is that of lock-step, bit for bit.  The
-newest force at the tip is held likewise, if there are disturbances.  With drives the command is
-theirs, ``actuator/torque``: its stamp is that of the state that the controller answered.
+newest force at the tip and payload are held likewise, if there are disturbances.  With drives the
+command is theirs, ``actuator/torque``: its stamp is that of the state that the controller
+answered.
 """
 
 from __future__ import annotations
@@ -96,8 +97,8 @@ class FreeRun:
         if self._without > self._hold:
             self._lose(tick)
         return [
-            command.values if self._known else zeros(command),
-            *(entry.values or zeros(entry) for entry in self._others),
+            command.values if self._known else command.topic.nothing,
+            *(entry.values or entry.topic.nothing for entry in self._others),
         ]
 
     def _lasted(self, now: float) -> float:
@@ -134,8 +135,3 @@ class FreeRun:
         ):
             output.send(timeline.stamp_ns(entry.tick) if entry.values else 0, *values)
         self._times.send(timeline.stamp_ns(tick), self._begin - zero, self._due - zero, at)
-
-
-def zeros(entry: CommandInput) -> Values:
-    """Return the values that hold before the first message."""
-    return (0.0,) * len(entry.topic.codec.fields)

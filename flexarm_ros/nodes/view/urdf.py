@@ -25,9 +25,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.signals import BASE_FRAME, JOINTS
+from flexarm_ros.core.signals import BASE_FRAME, JOINTS, TOOL_FRAME
 
-LINK1, LINK2, TOOL = 'link1', 'link2', 'tool'
+LINK1, LINK2 = 'link1', 'link2'
 _WIDTH = 0.08
 
 
@@ -46,7 +46,7 @@ def transforms(config: RunConfig, theta1: float, theta2: float) -> tuple[Transfo
     return (
         Transform(BASE_FRAME, LINK1, 0.0, theta1),
         Transform(LINK1, LINK2, first, theta2),
-        Transform(LINK2, TOOL, second, 0.0),
+        Transform(LINK2, TOOL_FRAME, second, 0.0),
     )
 
 
@@ -60,10 +60,10 @@ def urdf(config: RunConfig) -> str:
             f'  <link name="{BASE_FRAME}"/>',
             _link(LINK1, first, '0.55 0.65 0.75'),
             _link(LINK2, second, '0.75 0.65 0.55'),
-            f'  <link name="{TOOL}"/>',
+            f'  <link name="{TOOL_FRAME}"/>',
             _joint(JOINTS[0], 'continuous', BASE_FRAME, LINK1, 0.0),
             _joint(JOINTS[1], 'continuous', LINK1, LINK2, first),
-            _joint('tool_fixed', 'fixed', LINK2, TOOL, second),
+            _joint('tool_fixed', 'fixed', LINK2, TOOL_FRAME, second),
             '</robot>',
             '',
         ]

@@ -24,7 +24,7 @@ import re
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.rig import ActuatorParameters, DisturbanceParameters
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
-from flexarm_ros.core.run.make_plant import highest_frequency, is_driven
+from flexarm_ros.core.run.make_plant import highest_frequency, is_driven, make_plant
 from flexarm_ros.core.run.parts import check_parts, columns, parts_of, PlantPart
 from flexarm_ros.core.run.rig_parts import ActuatorPart, DisturbancePart
 from flexarm_ros.scenario import ScenarioError
@@ -97,6 +97,40 @@ def test_the_force_is_linear_between_rows_at_the_middle_of_the_tick() -> None:
         0.0,
         0.0,
     )
+
+
+def test_the_payload_is_on_a_topic_where_it_varies() -> None:
+    held = DisturbanceParameters(payload_times=(0.002, 0.004), payload_masses=(0.5, 0.1))
+    part = DisturbancePart(with_part('disturbance', held))
+    assert [part.answer(k, None)[1] for k in range(6)] == [
+        *((0.0,), (0.0,), (0.5,), (0.5,), (0.1,), (0.1,)),
+    ]
+    for varied in (held, DisturbanceParameters(payload_live=True)):
+        config = with_part('disturbance', varied)
+        assert PlantPart.reads(config)[1:] == ('disturbance/wrench', 'disturbance/payload')
+        assert columns(config)[-1].name == 'payload'
+
+
+def test_the_steps_are_those_of_the_lightest_payload() -> None:
+    """Any payload may come where it is live; a lighter one than expected is refused."""
+    plant = PlantParameters(model='full', payload_mass=2.0)
+
+    def loaded(**keys: object) -> RunConfig:
+        held = DisturbanceParameters(**keys)  # type: ignore[arg-type]
+        return replace(with_part('disturbance', held), plant=plant)
+
+    rates = [
+        highest_frequency(loaded(**keys))  # type: ignore[arg-type]
+        for keys in (
+            {}, {'payload_times': (1.0,), 'payload_masses': (0.5,)}, {'payload_live': True},
+        )
+    ]  # fmt: skip
+    assert rates[0] < rates[1] < rates[2]
+    arm = make_plant(loaded(payload_times=(1.0,), payload_masses=(0.5,)))
+    arm.disturb(0.0, 0.0, 0.5)  # type: ignore[attr-defined]
+    with pytest.raises(ValueError, match=re.escape('payload 0.4 kg; allowed: 0.5 to 1000000')):
+        arm.disturb(0.0, 0.0, 0.4)  # type: ignore[attr-defined]
+    make_plant(loaded(payload_live=True)).disturb(0.0, 0.0, 0.0)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def moving(name: str) -> tuple[Any, PlantParameters]:
     q[2:], qd[2:] = (0.3, -0.02, 0.4, 0.03), (0.5, 0.4, -0.8, 0.3)
     arm.set_state(q, qd)
     if name == 'drives':
-        arm.disturb(0, 3.0, -4.0)
+        arm.disturb(3.0, -4.0)
     return arm, plant
 
 

@@ -102,6 +102,7 @@ def test_a_rig_runs_freely(way: tuple[str, ...], tmp_path: Path, ros_domain: int
     out = tmp_path / 'run'
     words = [
         'disturbance.force_times=[0.0]', 'disturbance.force_x=[0.2]', 'disturbance.force_y=[-0.1]',
+        'disturbance.payload_times=[0.1]', 'disturbance.payload_masses=[0.5]',
         'encoder.jitter=0.004', 'actuator.latency=0.002', 'actuator.dropout=0.1',
         'strain_gauge.dropout=0.2', 'imu.jitter=0.003', 'plant.command_hold=30', 'duration=0.3',
     ]  # fmt: skip
@@ -112,7 +113,8 @@ def test_a_rig_runs_freely(way: tuple[str, ...], tmp_path: Path, ros_domain: int
     counted(out)
     verdict = verify(out)
     assert verdict.same, verdict.first
-    assert {verdict.compared[name] for name in ('actuator', 'disturbance', 'controller')} == {300}
+    assert {verdict.compared[name] for name in ('actuator', 'controller')} == {300}
+    assert verdict.compared['disturbance'] == 600  # force and payload
     again = flexarm('replay', out, '--timing', 'recorded', '--delay', '0')
     assert again.returncode == 0 and 'played 300 ticks' in again.stdout + again.stderr
 

@@ -64,7 +64,7 @@ def free_messages(config: RunConfig, late: Callable[[int], int | None]) -> list[
         if delay is not None:
             arrivals.setdefault(k + delay, []).append(k)
         held = max([held, *arrivals.pop(k, [])])
-        newest = inputs[held] if held >= 0 else [(0.0,) * len(values) for values in inputs[0]]
+        newest = inputs[held] if held >= 0 else [topics[place].nothing for place in reads]
         stamp = timeline.stamp_ns(k)
         values = {CLOCK: (stamp, ()), STATE: (stamp, state.values())}
         values |= {place: (stamp, shown) for place, shown in shown_further.items()}
@@ -84,7 +84,7 @@ def free_messages(config: RunConfig, late: Callable[[int], int | None]) -> list[
             row.append(topic.codec.encode(at, *shown))
         found.append((*row, topics[-1].codec.encode(stamp, *times)))
         if len(newest) > 1:
-            plant.disturb(k, *newest[1])
+            plant.disturb(*[value for values in newest[1:] for value in values])
         plant.step(*newest[0])
     return found
 

@@ -35,8 +35,11 @@ from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.rig import ActuatorParameters, DisturbanceParameters
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
 from flexarm_ros.core.signals import coordinate_names
-from flexarm_ros.core.timeline import NS_PER_S, Timeline
+from flexarm_ros.core.timeline import Timeline
 import numpy as np
+
+MOST_PAYLOAD = 1e6
+"""kg, as ``plant.payload_mass``."""
 
 FULL_PHASE = 0.33
 """As ``ACCURATE_PHASE``, for the full model, whose fastest coordinates hardly move."""
@@ -66,12 +69,11 @@ class DrivenPlant:
         self.q: FloatArray = self._pos[:size]
         self.qd: FloatArray = self._vel[:size]
         self.drives: FloatArray = state[:, size:]
+        self._lightest = disturbance.lightest(plant.payload_mass)
+        self._mass = disturbance.payload_at(-period, plant.payload_mass)
         masses = disturbance.payload_masses or ()
-        self._loads = {m: make_terms(plant, m) for m in {plant.payload_mass, *masses}}
-        self._payloads = list(zip(disturbance.payload_times or (), masses, strict=True))
-        self._first_mass = plant.payload_mass
-        self._period_ns = Timeline.of(config.run).period_ns
-        self._terms = self._loads[plant.payload_mass]
+        self._loads = {m: make_terms(plant, m) for m in {self._mass, *masses}}
+        self._parameters, self._terms = plant, self._loads[self._mass]
         self._rig = _rig(plant, actuator)
         self._scratch = make_scratch(size)
         self._torque, self._target = np.zeros(2), np.zeros(2)
@@ -101,25 +103,25 @@ class DrivenPlant:
         """Return the number of events in the last tick."""
         return int(self._scratch.modes[4])
 
-    def disturb(self, k: int, fx: float, fy: float) -> None:
+    def disturb(self, fx: float, fy: float, payload: float | None = None) -> None:
         """
-        Set the force at the tip, N in ``base``, and the payload of tick ``k``, before `step`.
+        Set the force at the tip, N in ``base``, and the payload, kg, before `step`.
 
         A body that is released leaves with the tip's velocity and changes no rate.  One that is
         grasped was at rest: a plastic impact, in which the momenta of all coordinates stay.
+        Raises ``ValueError`` for a payload that is lighter than the steps are chosen for.
         """
         self._scratch.push[0], self._scratch.push[1] = fx, fy
-        if self._payloads:
-            before, mass = (
-                payload_at(self._payloads, tick * self._period_ns / NS_PER_S, self._first_mass)
-                for tick in (k - 1, k)
+        if payload is None or payload == self._mass:
+            return
+        if not self._lightest <= payload <= MOST_PAYLOAD:
+            raise ValueError(
+                f'payload {payload!r} kg; allowed: {self._lightest!r} to {MOST_PAYLOAD!r} kg'
             )
-            self._terms = self._loads[mass]
-            if mass > before:
-                impulse(
-                    self._loads[before], self._terms, self._rig, self._pos, self._vel,
-                    self._scratch,
-                )  # fmt: skip
+        terms = self._loads.get(payload) or make_terms(self._parameters, payload)
+        if payload > self._mass:
+            impulse(self._terms, terms, self._rig, self._pos, self._vel, self._scratch)
+        self._mass, self._terms = payload, terms
 
     def deflections(self) -> tuple[float, float, float, float]:
         """Return delta1, delta2 (m) and their rates (m/s)."""
@@ -148,11 +150,6 @@ def driven_steps(plant: PlantParameters, period: float, highest: float) -> int:
     if plant.substeps is None and plant.model == 'full':
         return steps_for(highest, period, FULL_PHASE)
     return choose_substeps(plant, period, highest)
-
-
-def payload_at(rows: Sequence[tuple[float, float]], time: float, mass: float) -> float:
-    """Return the payload, kg, at ``time``, s, of rows (t, kg); before the first: ``mass``."""
-    return next((m for t, m in reversed(rows) if t <= time), mass)
 
 
 def _rig(plant: PlantParameters, drive: ActuatorParameters) -> Rig:
