@@ -30,7 +30,13 @@ from flexarm_ros.bag.checks.digest import digest_of as digest
 from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.channel import ChannelParameters
-from flexarm_ros.core.parameters.sections import changed, RunConfig, with_section
+from flexarm_ros.core.parameters.sections import (
+    changed,
+    OWN_LAWS,
+    RunConfig,
+    SECTIONS,
+    with_section,
+)
 from flexarm_ros.core.parameters.spec import parameter, specs
 from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.loop import ClosedLoop
@@ -221,6 +227,55 @@ def test_a_latency_that_the_run_cannot_hold_is_named(stranger: Path) -> None:
     odd = replace(config.section('strain_probe'), latency=1e-10)
     with pytest.raises(ValueError, match=r'strain_probe\.latency'):
         parts.check_parts(with_section(config, 'strain_probe', odd))
+
+
+@pytest.mark.parametrize(
+    ('column', 'topic', 'text'),
+    [
+        ('strain1', 'probe/x', 'column strain1 of trajectory.csv is that of strain_gauge'),
+        ('tau1', 'probe/x', 'column tau1 of trajectory.csv is that of every run'),
+        ('probe', '/strain_gauge/strain', 'topic /strain_gauge/strain is that of strain_gauge'),
+        ('probe', 'plant/timing', 'topic plant/timing is reserved'),
+    ],
+)
+def test_names_of_another_part_are_refused(
+    stranger: Path, column: str, topic: str, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before anything is started, whatever the order of the parts; both are named."""
+    settings = ['strain_probe.gain=0.02', 'strain_gauge.output=angle']
+    scenario.load('pd_tip', settings[:1])
+    probe = parts.part_of('strain_probe')
+    told = (part.Column(column, topic, 0),)
+    signal = Signal(topic, Joints(('link1', 'link2'), ('position',)))
+    monkeypatch.setattr(probe, 'columns', classmethod(lambda _cls, _config: told))
+    monkeypatch.setattr(probe, 'signals', classmethod(lambda _cls, _config: (signal,)))
+    with pytest.raises(fa.ScenarioError, match=rf'^strain_probe: {text}'):
+        scenario.load('pd_tip', settings)
+
+
+@pytest.mark.parametrize(
+    ('group', 'name', 'settings'),
+    [
+        (plugins.PART_GROUP, 'strain_probe', ['strain_probe.gain=0.02']),
+        (plugins.LAW_GROUP, 'joint_pd', ['controller.law=joint_pd']),
+    ],
+)
+def test_a_name_of_two_packages_is_refused(
+    stranger: Path, tmp_path: Path, group: str, name: str, settings: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    scenario.load('pd_tip', settings)
+    other = tmp_path / 'rival-1.0.dist-info'
+    other.mkdir()
+    (other / 'METADATA').write_text('Metadata-Version: 2.1\nName: rival\nVersion: 1.0\n')
+    (other / 'entry_points.txt').write_text(f'[{group}]\n{name} = rival.module:Thing\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    for held in (parts.PLUGINS, SECTIONS, OWN_LAWS):
+        held.pop(name, None)  # as in a new process
+    plugins.installed_parts.cache_clear()
+    plugins.installed_laws.cache_clear()
+    with pytest.raises(fa.ScenarioError, match=rf'{name}: 2 .*rival\.module:Thing of rival'):
+        scenario.load('pd_tip', settings)
 
 
 def test_a_live_parameter(stranger: Path) -> None:

@@ -21,6 +21,7 @@ from flexarm_ros.core.control.design.motion import horizon_ns
 from flexarm_ros.core.control.open_loop import check_torques
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.make_plant import check_substeps
+from flexarm_ros.core.run.names import check_names
 from flexarm_ros.core.run.parts import check_parts
 from flexarm_ros.core.sensing.sensors import check_location
 from flexarm_ros.core.timeline import clock_ticks, named_ns, Timeline
@@ -33,6 +34,7 @@ def check(config: RunConfig) -> None:
 
     Each value must be within its own :class:`Spec` already.
     """
+    check_names(config)
     check_parts(config)
     Timeline.of(config.run)
     named_ns('trajectory.delay', config.trajectory.delay)

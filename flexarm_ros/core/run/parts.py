@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from operator import itemgetter
-import re
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.core.parameters.sections import (
@@ -342,8 +341,6 @@ class RecorderPart(Part):
     REPLACEABLE = False
 
 
-_TOPIC = re.compile(r'/?[A-Za-z]\w*(/[A-Za-z]\w*)*', re.ASCII)
-
 PARTS: tuple[type[Part], ...] = (
     PlantPart, EncoderPart, TipSensorPart, StrainGaugePart, ImuPart, TrajectoryPart,
     ControllerPart, ActuatorPart, DisturbancePart, RecorderPart,
@@ -465,14 +462,7 @@ def columns(config: RunConfig) -> tuple[Column, ...]:
 
 
 def check_parts(config: RunConfig) -> None:
-    """Raise ``ValueError`` if the scenario is invalid for a part, or two parts conflict."""
-    owners: dict[str, str] = {}
-    for part, signal in signals(config):
-        if not _TOPIC.fullmatch(signal.name):
-            raise ValueError(f'{part.NAME}: {signal.name!r} is not a valid topic name')
-        if signal.name in owners:
-            raise ValueError(f'{part.NAME}: {owners[signal.name]} also publishes {signal.name}')
-        owners[signal.name] = part.NAME
+    """Raise ``ValueError`` if the scenario is invalid for a part."""
     for part in parts_of(config):
         part.check(config)
 

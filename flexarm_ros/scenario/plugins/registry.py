@@ -59,6 +59,17 @@ def installed_parts() -> dict[str, EntryPoint]:
     return {point.name: point for point in points if point.name not in ours}
 
 
+def _check_one(group: str, name: str) -> None:
+    """Raise ScenarioError if two installed packages have this name with different values."""
+    values = {point.value: package_of(point) for point in entry_points(group=group, name=name)}
+    if len(values) > 1:
+        found = ', '.join(f'{value} of {package}' for value, package in sorted(values.items()))
+        raise ScenarioError(
+            f'{clip(name)}: {len(values)} installed packages have this name in {group}: '
+            f'{found}; remove one'
+        )
+
+
 def package_of(point: EntryPoint) -> str:
     """Return the name of the distribution that an entry point comes from."""
     return point.dist.metadata['Name'] if point.dist is not None else ''
@@ -86,6 +97,7 @@ def find_section(name: str) -> bool:
     point = installed_parts().get(name) if name.isidentifier() else None
     if point is None:
         return False
+    _check_one(PART_GROUP, name)
     where = f'{clip(name)} ({point.value})'
     part = _imported(where, point.module, point.attr)
     check_part(where, name, part)
@@ -130,6 +142,7 @@ def _find_law(law: str, user: bool) -> None:
     if law in OWN_LAWS:
         return
     if law in installed_laws():
+        _check_one(LAW_GROUP, law)
         point = installed_laws()[law]
         register(_imported(_of_law(law), point.module, point.attr), law)
     elif ':' in law and (user or _is_trusted(law)):
