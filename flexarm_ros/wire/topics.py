@@ -83,7 +83,8 @@ class Topic:
     it, at tick 0 and every ``every`` ticks.  For the stamps ``late`` and ``ahead`` see
     `flexarm_ros.core.run.part.Part`.  ``recorded_from``: the topic from which the recorder has
     it, if another.  ``start``: what the plant of a free-running run holds before the first
-    message, zeros if empty.
+    message, zeros if empty.  ``repeated``: its publisher may skip ticks, for which readers repeat
+    the message before.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Topic:
     ahead: bool = False
     recorded_from: str = ''
     start: tuple[float, ...] = ()
+    repeated: bool = False
 
     def due(self, tick: int) -> bool:
         """Whether a message belongs to ``tick``."""
@@ -142,7 +144,8 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     Return the topics of a run in canonical order.
 
     In a free-running one the message of a tick on a topic that the plant reads is what the plant
-    held, with the stamp of the tick that it answers, and the times of each tick come last.
+    held, with the stamp of the tick that it answers, and the times of each tick come last.  A
+    command that the plant does not read, since drives do, may skip ticks.
     """
     topics = _lockstep_topics(config)
     if config.run.sync != 'free':
@@ -151,7 +154,9 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     timing = Topic(TIMING, parts.PlantPart.NAME, JointStateCodec(TIMES, '', ('position',)))
     return (
         *(
-            replace(t, late=True, recorded_from=held[t.name]) if t.name in held else t
+            replace(t, late=True, recorded_from=held[t.name])
+            if t.name in held
+            else replace(t, repeated=t.name == part.COMMAND)
             for t in topics
         ),
         timing,

@@ -36,6 +36,7 @@ from flexarm_ros.nodes.runtime.reset import Epochs
 from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
 from flexarm_ros.nodes.runtime.topics.graph import reads
+from flexarm_ros.nodes.runtime.topics.repeating import RepeatingInput
 from flexarm_ros.nodes.runtime.waiting import Waiting
 from flexarm_ros.wire.topics import per_tick_topics, Topic
 
@@ -87,7 +88,8 @@ class Participant(MemberNode):
 
     def make_input(self, topic: Topic) -> Input:
         """Return the reading end of a topic."""
-        return Input(self, topic, self.invalid_message)
+        kind = RepeatingInput if topic.repeated else Input
+        return kind(self, topic, self.invalid_message)
 
     # --- for roles ---------------------------------------------------------------------
 

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import csv
+from itertools import pairwise
 import json
 from pathlib import Path
 import subprocess
@@ -125,6 +126,22 @@ def test_a_silent_controller_before_drives_ends_the_run(tmp_path: Path, ros_doma
     assert done.returncode == 1
     assert 'no torque on actuator/torque, which follows joint_command, for 0.1 s' in done.stderr
     assert 'Traceback' not in done.stderr
+
+
+def test_a_controller_before_drives_may_skip_states(tmp_path: Path, ros_domain: int) -> None:
+    """The drives take the command before in their place; one is recorded for each tick."""
+    out = tmp_path / 'run'
+    drives = ('--set', 'actuator.bandwidth=[50.0,50.0]', '--set', 'plant.command_hold=30')
+    done = run(out, *drives, mode='late')
+    assert done.returncode == 0, done.stderr
+    counted(out)
+    verdict = verify(out)
+    assert verdict.same, verdict.first
+    assert verdict.compared['actuator'] == verdict.ticks == 500
+    with open(out / 'trajectory.csv', newline='') as file:
+        torques = [(row['tau1'], row['tau2']) for row in csv.DictReader(file)]
+    repeated = [now == before for before, now in pairwise(torques)]
+    assert any(repeated) and not all(repeated)
 
 
 def test_a_controller_that_is_late_now_and_then_finishes_its_run(
