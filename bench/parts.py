@@ -35,8 +35,18 @@ FEATURES: dict[str, tuple[str, ...]] = {
     'tip sensor of the elastic arm': ('tip_sensor.measurand=elastic',),
     'delay as a Pade approximation': ('tip_sensor.latency_model=pade2',),
     'jitter of the tip sensor': ('tip_sensor.jitter=0.0005',),
+    'exponential jitter, in order': (
+        'tip_sensor.jitter=0.0005', 'tip_sensor.jitter_distribution=exponential',
+        'tip_sensor.arrival=in_order',
+    ),
+    'measured latencies of the tip sensor': ('tip_sensor.latencies=[0.001, 0.0013, 0.0024]',),
     'dropout of the tip sensor': ('tip_sensor.dropout=0.02', 'tip_sensor.dropout_burst=3.0'),
+    'encoder: latency, jitter, offset': (
+        'encoder.latency=0.001', 'encoder.jitter=0.0005', 'encoder.offset=[0.001, 0.001]',
+    ),
+    'encoder at 500 Hz': ('encoder.rate=500.0',),
     'controller at 500 Hz': ('controller.rate=500.0',),
+    'compute delay': ('controller.compute_delay=0.001',),
     'one further tip sensor': ('tip_sensor.more_locations=[6.75]',),
     'viscous and Coulomb friction': (
         'plant.viscous_friction=[0.5, 0.5]', 'plant.coulomb_friction=[1.0, 1.0]',
@@ -44,11 +54,27 @@ FEATURES: dict[str, tuple[str, ...]] = {
     'drives: bandwidth and saturation': (
         'actuator.bandwidth=[200.0, 200.0]', 'actuator.torque_limit=[2000.0, 2000.0]',
     ),
+    'drives: efficiency and resolution': (
+        'actuator.efficiency=[0.9, 0.9]', 'actuator.resolution=[0.01, 0.01]',
+    ),
+    'command: latency, jitter, dropout': (
+        'actuator.latency=0.001', 'actuator.jitter=0.0005', 'actuator.dropout=0.02',
+    ),
     'drives with backlash': ('actuator.backlash=[1e-4, 1e-4]',),
     'disturbance (no force)': ('disturbance.force_times=[0.0]', 'disturbance.force_x=[0.0]',
                                'disturbance.force_y=[0.0]'),
+    'disturbance with a payload': (
+        'disturbance.payload_times=[0.0]', 'disturbance.payload_masses=[0.1]',
+    ),
     'strain gauges': ('strain_gauge.noise_std=1e-6',),
+    'strain gauges with a low-pass, in the loop': (
+        'strain_gauge.filter_cutoff=[20.0, 20.0]', 'strain_gauge.output=deflection',
+        'controller.law=fls', 'controller.deflection_source=strain_gauge',
+    ),
     'IMU': ('imu.accel_noise_density=1e-3',),
+    'IMU at 500 Hz with walks of its biases': (
+        'imu.accel_bias_walk=1e-3', 'imu.gyro_bias_walk=1e-4', 'imu.rate=500.0',
+    ),
 }  # fmt: skip
 """What it is -> assignments on top of `BASE`."""
 

@@ -64,3 +64,20 @@ def test_floor_and_nodes_tell_what_they_cost() -> None:
     assert set(traced.parts) == set(_NAMES)
     assert sum(traced.parts.values()) == pytest.approx(traced.cpu_us)
     assert all(cost.wall_us > 0.0 for cost in (bare, traced))
+
+
+def test_every_optional_part_and_key_of_a_channel_is_timed() -> None:
+    """Each by itself, in scenarios that are valid."""
+    from bench.parts import BASE, FEATURES
+    from flexarm_ros import scenario
+    from flexarm_ros.core.parameters.channel import ChannelParameters
+    from flexarm_ros.core.parameters.spec import specs
+    from flexarm_ros.core.run.parts import PARTS
+
+    for assignments in FEATURES.values():
+        scenario.load(BASE, ['duration=0.01', *assignments])
+    told = {word.partition('=')[0] for words in FEATURES.values() for word in words}
+    sections = {key.partition('.')[0] for key in told}
+    assert sections >= {part.NAME for part in PARTS if part.Parameters is not None}
+    keys = {key.partition('.')[2] for key in told}
+    assert keys >= {*specs(ChannelParameters)} - {'latency_file'}
