@@ -22,10 +22,12 @@ from flexarm_ros.api.extras import extra
 from flexarm_ros.api.numbers import within
 from flexarm_ros.api.simulation import configure, Scenario
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, specs
+from flexarm_ros.core.sensing.strain_gauge import closes_the_loop
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import initial_angles
 from flexarm_ros.stability import linear_model
 from flexarm_ros.stability.law import linear_law as law_matrices
+from flexarm_ros.stability.law import reads_deflections
 from flexarm_ros.stability.linear_model import DEFLECTION, ENCODER, TIP_SENSOR, TORQUES
 from flexarm_ros.stability.modes import linearise
 
@@ -115,6 +117,8 @@ def linear_law(
     NoLinearFormError
         A ``ValueError``, for a law that has no linear form, ``open_loop``, and for a tip sensor
         slower than the tick with ``passive``, ``lqg`` and ``adaptive``.
+    ValueError
+        For a law that reads strain gauges, which `linearize` does not have.
 
     """
     with extra('control'):
@@ -124,6 +128,11 @@ def linear_law(
     angle1, angle2 = _pose(config, theta1, theta2)
     arm = linearise(config, angle2, angle1)
     law = law_matrices(config, arm)
+    if closes_the_loop(config) and reads_deflections(config):
+        raise ValueError(
+            'controller.deflection_source: strain_gauge, which is not in the linear model; '
+            'allowed with this law: plant'
+        )
     model = linear_model.linear_model(config, angle1, angle2)
     return control.ss(
         law.a, law.b, law.c, law.d, Timeline.of(config.run).period,
@@ -145,12 +154,13 @@ def _names(config: RunConfig, model: linear_model.LinearModel, outputs: str) -> 
     """Return the names of a choice of outputs."""
     state = model.outputs[: 4 + 4 * config.plant.modes]
     feedback = ENCODER if config.controller.feedback == 'encoder' else TIP_SENSOR
+    read = DEFLECTION if outputs == 'law' and reads_deflections(config) else ()
     return {
         'feedback': feedback,
         'encoder': ENCODER,
         'tip_sensor': TIP_SENSOR,
         'deflection': DEFLECTION,
         'state': state,
-        'law': (*state, *ENCODER, *TIP_SENSOR),
+        'law': (*state, *ENCODER, *TIP_SENSOR, *read),
         'all': model.outputs,
     }[outputs]

@@ -123,10 +123,11 @@ def _default_gains(config: RunConfig) -> list[float | None]:
 
 def _read(config: RunConfig) -> tuple[str, str]:
     """Return the sensor whose latency is varied and the source of the law's rates."""
-    from flexarm_ros.core.control import PLANNING
+    from flexarm_ros.core.control import LAWS, PLANNING
     from flexarm_ros.stability.sampled_loop import sensor_of
 
-    own = config.controller.law in PLANNING
+    law = config.controller.law
+    own = law in PLANNING or LAWS[law].SENSOR == 'encoder'
     return sensor_of(config), 'encoder' if own else config.controller.velocity_source
 
 

@@ -21,6 +21,9 @@ from dataclasses import dataclass, replace
 from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
 
+_SENSED = 8
+"""Channels of encoder and tip sensor."""
+
 
 class NoLinearFormError(ValueError):
     """The law has no linear form."""
@@ -32,9 +35,10 @@ class LinearLaw:
     A law about rest: s+ = a s + b u, tau = c s + d u, deviations from equilibrium.
 
     ``a`` ``(m, m)``, ``b`` ``(m, i)``, ``c`` ``(2, m)``, ``d`` ``(2, i)``; u
-    has i = 2 n + 8 entries: the plant's n coordinates and n rates of this
+    has i = 2 n + 8 or 2 n + 10 entries: the plant's n coordinates and n rates of this
     tick, then the encoder's (theta1, theta2 and their rates) and the tip
-    sensor's (x, y, vx, vy in frame ``base``) samples as delivered.  ``gain``
+    sensor's (x, y, vx, vy in frame ``base``) samples as delivered, and, for a law that reads them,
+    delta1 and delta2 (m) as delivered: those of ``controller.deflection_source``.  ``gain``
     is a common factor of the torques: K_s lambda of (21), otherwise 1.
     """
 
@@ -47,6 +51,15 @@ class LinearLaw:
     def scaled(self, factor: float) -> LinearLaw:
         """Return the law with both torques multiplied by ``factor``."""
         return replace(self, c=factor * self.c, d=factor * self.d, gain=factor * self.gain)
+
+    def reads_deflections(self, coordinates: int) -> bool:
+        """Return whether u has the deflections; ``coordinates``: n."""
+        return bool(self.d.shape[1] > 2 * coordinates + _SENSED)
+
+    def padded(self, coordinates: int) -> LinearLaw:
+        """Return the law with the deflections among its inputs; ``coordinates``: n."""
+        more = ((0, 0), (0, 2 * coordinates + _SENSED + 2 - self.d.shape[1]))
+        return replace(self, b=np.pad(self.b, more), d=np.pad(self.d, more))
 
     @classmethod
     def static(cls, d: FloatArray) -> LinearLaw:

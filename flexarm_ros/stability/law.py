@@ -37,13 +37,15 @@ from flexarm_ros.core.control import gain_of, Law, LAWS
 from flexarm_ros.core.control.lqg import AdaptiveLaw, LqgLaw
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw
 from flexarm_ros.core.control.planned import InverseLaw, PassiveLaw
+from flexarm_ros.core.control.state_feedback import StateFeedback
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.rig import StrainGaugeParameters
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.sensing.strain_gauge import deflection_scales, StrainGaugePart
 from flexarm_ros.stability.form import LinearLaw, NoLinearFormError
-from flexarm_ros.stability.modes import LinearArm
+from flexarm_ros.stability.modes import LinearArm, linearise
 from flexarm_ros.stability.planned import inverse_form, lqg_form, passive_form
+from flexarm_ros.stability.state_feedback import state_feedback_form
 import numpy as np
 
 
@@ -65,6 +67,15 @@ def linear_law(config: RunConfig, arm: LinearArm, time: float | None = None) -> 
         raise NoLinearFormError(f'controller.law: {name} has no linear form, no loop to analyse')
     found: LinearLaw = law.linear_form(config, arm)
     return found
+
+
+def reads_deflections(config: RunConfig) -> bool:
+    """Return whether the law of ``config`` has a linear form with the deflections as inputs."""
+    try:
+        arm = linearise(config, 0.0)
+        return linear_law(config, arm).reads_deflections(len(arm.mass))
+    except NoLinearFormError:
+        return False
 
 
 def _pd_form(config: RunConfig, arm: LinearArm, _time: float | None) -> LinearLaw:
@@ -98,6 +109,7 @@ FORMS: dict[type[Law], Callable[[RunConfig, LinearArm, float | None], LinearLaw]
     PassiveLaw: passive_form,
     LqgLaw: lqg_form,
     AdaptiveLaw: lqg_form,
+    StateFeedback: state_feedback_form,
 }
 """
 Class of a law -> its linear form, for the laws of this package.

@@ -56,6 +56,12 @@ class NoParameters:
     """The parameters of a law that has none of its own."""
 
 
+def law_period(config: RunConfig) -> float:
+    """Return the time between the torques of the law of ``config``, s."""
+    rate = config.controller.rate
+    return 1.0 / rate if rate else config.run.control_period
+
+
 class Law:
     """
     A control law: a function of the tick's sample, with internal state if needed.
@@ -89,11 +95,14 @@ class Law:
         self.config = config
         self.parameters = config.controller.own()
 
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError``, which names the key, if ``config`` is invalid for this law."""
+
     @property
     def period(self) -> float:
         """Time between its torques, s."""
-        rate = self.config.controller.rate
-        return 1.0 / rate if rate else self.config.run.control_period
+        return law_period(self.config)
 
     def retune(self, config: RunConfig) -> None:
         """Use the live gains of ``config`` from the next tick on; the state is kept."""

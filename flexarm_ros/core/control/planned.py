@@ -137,6 +137,16 @@ class PassiveLaw(InverseLaw):
     SENSOR = 'tip_sensor'
     EVERY_TICK = True
 
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for a low-pass that is unstable at the tick."""
+        bandwidth, period = config.controller.passive_bandwidth, config.run.control_period
+        if bandwidth * period >= 2.0:
+            raise ValueError(
+                f'controller.passive.bandwidth: {bandwidth!r} 1/s, allowed with a tick of '
+                f'{period:g} s: below {2.0 / period:g}'
+            )
+
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)
         self._late = latency_of(config)

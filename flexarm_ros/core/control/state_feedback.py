@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import math
 
 from flexarm_ros.core.arm.kinematics import inverse_kinematics
-from flexarm_ros.core.control.law import Law, Sample
+from flexarm_ros.core.control.law import Law, law_period, Sample
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.parameters.spec import parameter
 
@@ -74,7 +74,11 @@ class StateFeedbackParameters:
 
 
 class LowPass:
-    """A second-order low-pass with its derivative, by the semi-implicit Euler method."""
+    """
+    A second-order low-pass with its derivative, by the semi-implicit Euler method.
+
+    It is stable below `highest_cutoff`.
+    """
 
     def __init__(self, cutoff: float, damping: float, period: float) -> None:
         omega = 2.0 * math.pi * cutoff
@@ -88,10 +92,35 @@ class LowPass:
         self.value += self._period * self.rate
 
 
+def highest_cutoff(damping: float, period: float) -> float:
+    """
+    Return the cut-off, Hz, from which on `LowPass` is unstable.
+
+    With x the natural frequency times ``period``, s, the trace of its step is
+    1 + (1 - x^2) / (1 + 2 damping x), its determinant 1 / (1 + 2 damping x): an eigenvalue is -1
+    at x^2 = 4 damping x + 4.
+    """
+    return (damping + math.hypot(damping, 1.0)) / (math.pi * period)
+
+
 class StateFeedback(Law):
     """The law of this module; the reference angles are those of the commanded point."""
 
     Parameters = StateFeedbackParameters
+    SENSOR = 'encoder'
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for a low-pass that is unstable at the law's period."""
+        keys, period = config.controller.own(), law_period(config)
+        highest = highest_cutoff(keys.filter_damping, period)
+        for key in ('rate_cutoff', 'deflection_cutoff'):
+            cutoff = getattr(keys, key)
+            if cutoff >= highest:
+                raise ValueError(
+                    f'controller.StateFeedback.{key}: {cutoff!r} Hz, allowed with a torque every '
+                    f'{period:g} s and filter_damping {keys.filter_damping!r}: below {highest:.4g}'
+                )
 
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)

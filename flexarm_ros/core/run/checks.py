@@ -44,6 +44,7 @@ def check(config: RunConfig) -> None:
     initial_angles(config)
     if config.controller.law == 'open_loop':
         check_torques(config.torques)
+    LAWS[config.controller.law].check(config)
     if LAWS[config.controller.law].PLANS:
         horizon_ns(config)
     check_substeps(config)
