@@ -20,8 +20,9 @@ import math
 from pathlib import Path
 
 from flexarm_ros.identification.prediction.predict import predict, ringing_of
-from flexarm_ros.identification.recording import read
+from flexarm_ros.identification.recording import read, Recording
 from flexarm_ros.identification.setting import load_setting
+import numpy as np
 import pytest
 
 PARTIAL = [
@@ -70,3 +71,21 @@ def test_ringing(real: Path, name: str) -> None:
     assert len(measured) == len(predicted) == 2
     for one, other in zip(measured, predicted, strict=True):
         assert other.frequency == pytest.approx(one.frequency, rel=0.03)
+
+
+@pytest.mark.parametrize('rate', [100.0, 1000.0])
+@pytest.mark.parametrize(
+    ('mode', 'window'), [('driven', 2.0), ('torque', 2.0), ('closed_loop', None)]
+)
+def test_another_sampling_rate(real: Path, rate: float, mode: str, window: float | None) -> None:
+    """The numbers are those of the arm, not of its 500 Hz."""
+    known, setting = read(real / 'psf.csv'), load_setting('quanser_2dsfl', PARTIAL)
+    times = np.arange(0.0, known.times[-1], 1.0 / rate)
+    channels = {
+        name: np.interp(times, known.times, values) for name, values in known.channels.items()
+    }
+    other = Recording('x', 1.0 / rate, channels, known.strain_units)
+    plain = predict(known, setting, mode, window, 1.0).numbers
+    for name, row in predict(other, setting, mode, window, 1.0).numbers.items():
+        if not name.endswith('_rate'):  # derived over another time
+            assert row['fit'] == pytest.approx(plain[name]['fit'], abs=1.0)

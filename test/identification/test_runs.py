@@ -21,39 +21,24 @@ from pathlib import Path
 import flexarm_ros.cli as cli
 from flexarm_ros.identification.estimate.fitting import fit, prepare
 from flexarm_ros.identification.recording import read
+from flexarm_ros.identification.setting import load_setting, text_of
 from mcap.reader import make_reader
 import pytest
+from repository import ROOT
 from rosbag2tools import Received, write_mcap
 
-ARM = """
-/**:
-  ros__parameters: {control_period: 0.002, duration: 3.0}
-plant:
-  ros__parameters:
-    model: full
-    modes: 1
-    basis: craig_bampton
-    length: [0.5, 0.4]
-    mass_density: [0.6, 0.3]
-    flexural_rigidity: [4.0, 1.2]
-    link_damping: [0.01, 0.01]
-    hub_inertia: [0.3, 0.03]
-    link_end_mass: 1.2
-    payload_mass: 0.2
-    initial_position: [0.0, 1.0]
-tip_sensor:
-  ros__parameters: {location: 0.9}
-trajectory:
-  ros__parameters: {kind: square, side: 0.3, side_time: 1.0}
-controller:
-  ros__parameters: {law: pd, feedback: encoder, kp: 20.0, kd: 6.0}
-"""
+MOTION = [
+    'duration=3.0', 'plant.initial_position=[0.0, 1.0]', 'trajectory.kind=square',
+    'trajectory.side=0.3', 'trajectory.side_time=1.0', 'controller.kp=20.0', 'controller.kd=6.0',
+]  # fmt: skip
 
 
 @pytest.fixture(scope='module')
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp('arm') / 'arm.yaml'
-    path.write_text(ARM)
+    text = (ROOT / 'examples' / 'bench_arm.yaml').read_text()
+    path.write_text(text[: text.index('strain_gauge:')])
+    path.write_text(text_of(load_setting(path, MOTION)))
     return path
 
 
