@@ -37,7 +37,7 @@ from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.core.warned import allow_warnings
 from flexarm_ros.launcher.fork.server import _fork, become
 from flexarm_ros.nodes.classes import MODULES
-from flexarm_ros.scenario import plugins
+from flexarm_ros.scenario.plugins import registry as plugins
 
 COMMON = ('run', 'simulate', 'replay', 'verify')
 LARGEST = 1 << 20
