@@ -288,7 +288,7 @@ def initial_angles(config: RunConfig) -> tuple[float, float]:
         return config.plant.initial_position
     x, y = make_path(config).at(0)[:2]
     try:
-        return inverse_kinematics(config.plant.spans, x, y)
+        return inverse_kinematics(config.plant.spans, x, y, once=True)
     except ValueError as error:
         raise ValueError(f'{_key(config)}: start out of reach, {error}') from None
 

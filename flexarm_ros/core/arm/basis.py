@@ -49,7 +49,7 @@ The arithmetic is that of :mod:`flexarm_ros.core.numerics.elementary` and
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 import math
 
 from flexarm_ros.core.arm.beam import beam_mode, beam_shape, clamped_free_mode
@@ -66,14 +66,14 @@ PANELS = 32
 """Panels of the composite five-point Gauss rule: exact to rounding for all shapes used."""
 
 
+@cache
 def clamped_clamped_mode(index: int) -> tuple[float, float]:
     """
     Return root number ``index`` (from 0) of cos(z) cosh(z) = 1, and its mode's ratio.
 
     The roots are 4.7300, 7.8532, ...; `beam_shape` takes both numbers.
     """
-    found: tuple[float, float] = beam_mode((index + 1.5) * math.pi, -1.0)
-    return found
+    return beam_mode((index + 1.5) * math.pi, -1.0)
 
 
 def _clamped_free(index: int, xi: FloatArray, order: int) -> FloatArray:

@@ -28,11 +28,14 @@ the modal coordinates but nothing observable.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 import math
 
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, interpreted
 from flexarm_ros.core.numerics.elementary import exp, sincos
 import numpy as np
+
+_sincos, _exp = interpreted(sincos), interpreted(exp)
 
 AMPLITUDE = 0.1
 """The constant A of (8)."""
@@ -47,13 +50,12 @@ def clamped_free_root(index: int) -> float:
     return clamped_free_mode(index)[0]
 
 
+@cache
 def clamped_free_mode(index: int) -> tuple[float, float]:
     """Return root number ``index`` and 1 - k there, k as in (8)."""
-    found: tuple[float, float] = beam_mode((index + 0.5) * math.pi if index else 1.875, 1.0)
-    return found
+    return beam_mode((index + 0.5) * math.pi if index else 1.875, 1.0)
 
 
-@compiled
 def beam_mode(z: float, sign: float) -> tuple[float, float]:
     """
     Return the root of cos(z) cosh(z) + ``sign`` = 0 near ``z``, and 1 - k there.
@@ -62,8 +64,8 @@ def beam_mode(z: float, sign: float) -> tuple[float, float]:
     cos(z) + sign / cosh(z), which has the same roots and does not grow with z.
     """
     for _ in range(50):
-        sine, cosine = sincos(z)
-        fall = exp(-z)
+        sine, cosine = _sincos(z)
+        fall = _exp(-z)
         square = fall * fall
         sech = sign * 2.0 * fall / (1.0 + square)
         tanh = (1.0 - square) / (1.0 + square)
@@ -71,8 +73,8 @@ def beam_mode(z: float, sign: float) -> tuple[float, float]:
         z += step
         if abs(step) <= 1e-15 * z:
             break
-    sine, cosine = sincos(z)
-    fall = exp(-z)
+    sine, cosine = _sincos(z)
+    fall = _exp(-z)
     sinh = 0.5 * (1.0 / fall - fall)
     return z, (sign * (sine - cosine) - fall) / (sinh + sign * sine)
 
@@ -100,6 +102,9 @@ def beam_shape(root: float, rest: float, xi: FloatArray, order: int) -> FloatArr
         else:
             out[i] = root * root * (fall + rest * 0.5 * (rise - fall) + cosine - k * sine)
     return out
+
+
+_beam_shape = interpreted(beam_shape)
 
 
 @dataclass(frozen=True)
@@ -150,7 +155,7 @@ class ClampedFreeModes:
         scale = AMPLITUDE
         for _ in range(order):
             scale /= self.length
-        shapes = [beam_shape(*clamped_free_mode(i), at, order)[0] for i in range(self.count)]
+        shapes = [_beam_shape(*clamped_free_mode(i), at, order)[0] for i in range(self.count)]
         return scale * np.array(shapes)
 
     @property

@@ -25,7 +25,7 @@ import math
 from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined, interpreted
 from flexarm_ros.core.numerics.elementary import acos, atan2, sincos
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
@@ -315,11 +315,14 @@ def reach(lengths: Lengths) -> tuple[float, float]:
     return abs(lengths[0] - lengths[1]), lengths[0] + lengths[1]
 
 
-def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, float]:
+def inverse_kinematics(
+    lengths: Lengths, x: float, y: float, once: bool = False
+) -> tuple[float, float]:
     """
     Return theta1, theta2 (rad, theta2 from 0 to pi) with the rigid tip at x, y.
 
-    Raises ``ValueError`` if the point is out of reach.
+    ``once``: without compiled code, which pays from some hundred points on.  Raises
+    ``ValueError`` if the point is out of reach.
     """
     length1, length2 = lengths
     radius = math.sqrt(x * x + y * y)
@@ -330,8 +333,9 @@ def inverse_kinematics(lengths: Lengths, x: float, y: float) -> tuple[float, flo
             f'({x:.6g}, {y:.6g}) m is {radius:.6g} m from the shoulder, '
             f'reached are {low:.6g} to {high:.6g} m'
         )
-    angles: tuple[float, float] = _angles_to(length1, length2, radius, x, y)
-    return angles
+    solve = interpreted(_angles_to) if once else _angles_to
+    theta1, theta2 = solve(length1, length2, radius, x, y)
+    return float(theta1), float(theta2)
 
 
 @compiled

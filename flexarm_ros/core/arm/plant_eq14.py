@@ -121,10 +121,8 @@ class Eq14Matrices:
         since M is linear in it, and so is its maximum: the straight and the folded arm
         are the extremes.
         """
-        return max(
-            largest_rate(self.mass[0] + cosine * self.mass[1], self.damping, self.stiffness)
-            for cosine in (1.0, -1.0)
-        )
+        extremes = np.stack([self.mass[0] + self.mass[1], self.mass[0] - self.mass[1]])
+        return largest_rate(extremes, self.damping, self.stiffness)
 
 
 def _link_mass(link: ClampedFreeModes, hub: float, turn: FloatArray, part: slice) -> FloatArray:

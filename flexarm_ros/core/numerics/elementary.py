@@ -157,30 +157,38 @@ def _reduce_huge(x: float) -> tuple[int, float, float]:
     while x >= _BASE:
         x *= _BASE_INVERSE
         place += 1
-    columns = np.zeros(8)  # column 0 has the weight 1, column m 2^(-24 m)
-    for j in range(4):  # the digits of x, the first before the point
-        digit = math.floor(x)
-        x = (x - digit) * _BASE
-        for m in range(8):
-            i = place - 1 + m - j
-            if i >= 0:
-                columns[m] += digit * _DIGITS[i]
+    # Column 0 has the weight 1, column m 2^(-24 m); the carry from one to the one before.
+    carry, c1, c2, c3, c4, c5, c6, c7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for m in range(7, 0, -1):
-        carry = math.floor(columns[m] * _BASE_INVERSE)
-        columns[m] -= carry * _BASE
-        columns[m - 1] += carry
-    top = (columns[1] * _BASE + columns[2]) * _BASE_INVERSE * _BASE_INVERSE
-    quadrant = int(columns[0] - math.floor(columns[0] * 0.25) * 4.0)
+        total = _column(x, place - 1 + m) + carry
+        carry = math.floor(total * _BASE_INVERSE)
+        # The last one moves to the next place.
+        c7, c6, c5, c4, c3, c2, c1 = c6, c5, c4, c3, c2, c1, total - carry * _BASE
+    whole = _column(x, place - 1) + carry
+    top = (c1 * _BASE + c2) * _BASE_INVERSE * _BASE_INVERSE
+    quadrant = int(whole - math.floor(whole * 0.25) * 4.0)
     if top >= 0.5:
         top -= 1.0
         quadrant = (quadrant + 1) & 3
     scale = _BASE_INVERSE * _BASE_INVERSE
-    middle = (columns[3] * _BASE + columns[4]) * scale * scale
-    last = (columns[5] * _BASE + columns[6] + columns[7] * _BASE_INVERSE) * scale * scale * scale
+    middle = (c3 * _BASE + c4) * scale * scale
+    last = (c5 * _BASE + c6 + c7 * _BASE_INVERSE) * scale * scale * scale
     high, low = _two_sum(top, middle)
     high, low = _two_sum(high, low + last)
     angle, lost = _two_product(high, _HALF_PI)
     return quadrant, angle, lost + (high * _HALF_PI_LOW + low * _HALF_PI)
+
+
+@compiled
+def _column(x: float, last: int) -> float:
+    """Return the sum of the digits of ``x``, the first before the point, times those of 2 / pi."""
+    total = 0.0
+    for j in range(4):
+        digit = math.floor(x)
+        x = (x - digit) * _BASE
+        if last >= j:
+            total += digit * _DIGITS[last - j]
+    return total
 
 
 @compiled

@@ -77,37 +77,31 @@ def _rotate(a: FloatArray, vectors: FloatArray, p: int, q: int) -> None:
     a[q, p] = 0.0
 
 
-@compiled
 def inverse_factor(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of the lower Cholesky factor of a positive definite matrix."""
-    n = matrix.shape[0]
-    low = np.zeros((n, n))
-    inverse = np.zeros((n, n))
+    """Return the inverse of the lower Cholesky factor of positive definite ``(..., n, n)``."""
+    n = matrix.shape[-1]
+    low, inverse = np.zeros_like(matrix), np.zeros_like(matrix)
     for i in range(n):
         for j in range(i + 1):
-            s = matrix[i, j]
+            s = matrix[..., i, j].copy()
             for k in range(j):
-                s -= low[i, k] * low[j, k]
-            low[i, j] = math.sqrt(s) if i == j else s / low[j, j]
+                s -= low[..., i, k] * low[..., j, k]
+            low[..., i, j] = np.sqrt(s) if i == j else s / low[..., j, j]
     for j in range(n):
-        inverse[j, j] = 1.0 / low[j, j]
+        inverse[..., j, j] = 1.0 / low[..., j, j]
         for i in range(j + 1, n):
-            s = 0.0
+            s = np.zeros(matrix.shape[:-2])
             for k in range(j, i):
-                s -= low[i, k] * inverse[k, j]
-            inverse[i, j] = s / low[i, i]
+                s -= low[..., i, k] * inverse[..., k, j]
+            inverse[..., i, j] = s / low[..., i, i]
     return inverse
 
 
-@compiled
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a b ``(n, m)``, of shapes ``(n, k)`` and ``(k, m)``."""
-    out = np.zeros((a.shape[0], b.shape[1]))
-    for i in range(a.shape[0]):
-        for k in range(a.shape[1]):
-            factor = a[i, k]
-            for j in range(b.shape[1]):
-                out[i, j] += factor * b[k, j]
+    """Return a b ``(..., n, m)``, of shapes ``(..., n, k)`` and ``(..., k, m)``."""
+    out = np.zeros((*a.shape[:-1], b.shape[-1]))
+    for k in range(a.shape[-1]):
+        out += a[..., :, k, None] * b[..., k, None, :]
     return out
 
 
@@ -128,63 +122,47 @@ def weighted_gram(weights: FloatArray, rows: FloatArray) -> FloatArray:
 _SQUARINGS = 40
 
 
-@compiled
-def spectral_radius(matrix: FloatArray) -> float:
+def spectral_radius(matrix: FloatArray) -> FloatArray:
     """
     Return the largest modulus of an eigenvalue: the limit of ||A^m||^(1/m) (Gelfand).
 
-    m is 2^40, by squaring; the m-th root reduces the norm's excess over the radius and the
-    rounding of each square.
+    Of each matrix in ``(..., n, n)``.  m is 2^40, by squaring; the m-th root reduces the norm's
+    excess over the radius and the rounding of each square.
     """
-    a = matrix.copy()
-    n = a.shape[0]
-    norms = np.zeros(_SQUARINGS)
-    for round in range(_SQUARINGS):
-        total = 0.0
-        for i in range(n):
-            for j in range(n):
-                total += a[i, j] * a[i, j]
-        norms[round] = math.sqrt(total)
-        if total == 0.0:
-            return 0.0
-        for i in range(n):
-            for j in range(n):
-                a[i, j] /= norms[round]
+    a, norms = matrix, []
+    for _ in range(_SQUARINGS):
+        squares = (a * a).reshape(*a.shape[:-2], -1)
+        norms.append(np.sqrt(np.add.accumulate(squares, axis=-1)[..., -1]))  # in this order
+        a = a / np.where(norms[-1] == 0.0, 1.0, norms[-1])[..., None, None]
         a = product(a, a)
-    radius = 1.0
-    for round in range(_SQUARINGS - 1, -1, -1):
-        radius = norms[round] * math.sqrt(radius)
+    radius = np.ones(matrix.shape[:-2])
+    for norm in reversed(norms):
+        radius = norm * np.sqrt(radius)
     return radius
 
 
-@compiled
 def largest_rate(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> float:
     """
-    Return the largest |s| of M s^2 + D s + K, with M ``(n, n)`` positive definite.
+    Return the largest |s| of M s^2 + D s + K, with each M of ``(m, n, n)`` positive definite.
 
     ``damping`` and ``stiffness`` ``(n,)`` are the diagonals of D and K.
     """
-    n = mass.shape[0]
+    n = mass.shape[-1]
     inverse = inverse_factor(mass)
     # In coordinates of unit mass, positions scaled by a rate to balance the blocks.
-    springs, dampers = np.zeros((n, n)), np.zeros((n, n))
+    springs, dampers, trace = np.zeros_like(mass), np.zeros_like(mass), np.zeros(len(mass))
+    for k in range(n):
+        both = inverse[:, :, k, None] * inverse[:, None, :, k]
+        springs += both * stiffness[k]
+        dampers += both * damping[k]
     for i in range(n):
-        for j in range(n):
-            for k in range(n):
-                both = inverse[i, k] * inverse[j, k]
-                springs[i, j] += both * stiffness[k]
-                dampers[i, j] += both * damping[k]
-    trace = 0.0
-    for i in range(n):
-        trace += springs[i, i]
-    scale = math.sqrt(trace)
-    system = np.zeros((2 * n, 2 * n))
-    for i in range(n):
-        system[i, n + i] = scale
-        for j in range(n):
-            system[n + i, j] = -springs[i, j] / scale
-            system[n + i, n + j] = -dampers[i, j]
-    return spectral_radius(system)
+        trace += springs[:, i, i]
+    scale = np.sqrt(trace)[:, None, None]
+    system = np.zeros((len(mass), 2 * n, 2 * n))
+    system[:, :n, n:] = scale * np.eye(n)
+    system[:, n:, :n] = -springs / scale
+    system[:, n:, n:] = -dampers
+    return float(np.max(spectral_radius(system)))
 
 
 @compiled

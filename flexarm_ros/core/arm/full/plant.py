@@ -179,14 +179,14 @@ def highest_frequency(config: RunConfig, parted: tuple[float, float] = (0.0, 0.0
     """
     stiffness, damping = elastic_diagonals(config.plant)
     q = np.zeros(len(stiffness))
-    highest = 0.0
+    masses = []
     for pose in range(_ANGLES):
         q[1] = math.pi * pose / (_ANGLES - 1)
         mass = mass_matrix(config.plant, q)
         mass[0, 0] -= parted[0]
         mass[1, 1] -= parted[1]
-        highest = max(highest, largest_rate(mass, damping, stiffness))
-    return highest
+        masses.append(mass)
+    return largest_rate(np.stack(masses), damping, stiffness)
 
 
 def choose_integrator(config: RunConfig) -> tuple[int, int]:
