@@ -41,8 +41,14 @@ Records
 
 Blocks
     A block ends before a live change, at the end of the run, and where the run becomes unstable.
-    Noise is drawn before the block, since the generator is NumPy's.  The records are converted
-    once a block, which takes as long as some ten ticks of the loop.
+    The records are converted once a block, which takes as long as some ten ticks of the loop.
+
+Channels
+    What is drawn at random depends on the seed and the tick alone, so that it is known before the
+    block: noise, and by latency, jitter, loss and rate which sample arrives at which tick.  The
+    channel that a node has as well says so (`LatencyChannel.plan`); the kernel takes each tick's
+    sample into a pool and reads from it the one that arrives (`Delivery`).  So does the controller
+    with its rate and delay (`ControllerPart.plan`).
 
 Which runs
     `Kernel.of` is the one predicate: it returns ``None`` for a run with anything that the kernel
@@ -56,6 +62,7 @@ take the step function as an argument.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 from typing import Any, NamedTuple
 
@@ -71,6 +78,7 @@ from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.state import Four
+from flexarm_ros.core.sensing.channel import Delivery
 from flexarm_ros.core.sensing.delay import delayed
 from flexarm_ros.core.sensing.sensors import Encoder, read_out, Readout, TipSensor
 from flexarm_ros.core.timeline import T0_NS
@@ -83,8 +91,14 @@ Torque = tuple[float, float]
 
 
 class LawRecord(NamedTuple):
-    """``table``: of law ``open_loop``, without rows for the others, which use ``settings``."""
+    """
+    A law for compiled code.
 
+    ``table``: of law ``open_loop``, without rows for the others, which use ``settings``;
+    ``every``: ticks between torques.
+    """
+
+    every: int
     settings: NDArray[np.void]
     table: FloatArray
     torque_limit: float
@@ -103,23 +117,34 @@ class LoopRecord(NamedTuple):
     law: LawRecord
 
 
+class Way(NamedTuple):
+    """
+    The way of a part's messages to their receiver in the n ticks of a block.
+
+    ``pool``, ``picks``: see `Delivery`; ``noise`` (n, 2): of each tick at which a sample arrives,
+    or no rows; ``out`` (n, width): what the receiver has, row 0 at first that of the tick before.
+    """
+
+    pool: FloatArray
+    picks: IntArray
+    noise: FloatArray
+    out: FloatArray
+
+
 class Ticks(NamedTuple):
     """
     What a block computes, one row a tick.
 
-    ``noise`` of the sensors is drawn before: rows of two, one for each sample.  ``state``
-    (n, 2 c + 4): the values of ``plant/state``; ``encoder``, ``tip``, ``reference`` (n, 4);
-    ``tip_stamps`` (n,), ns; ``torque`` (n, 2), N m; ``gain`` (n,): lambda or nan.
+    ``state`` (n, 2 c + 4): the values of ``plant/state``; ``encoder``, ``tip``: of four values,
+    ``torque``, N m: of two; ``reference`` (n, 4); ``gain`` (n,): lambda or nan, row 0 at first
+    that of the tick before.
     """
 
-    encoder_noise: FloatArray
-    tip_noise: FloatArray
     state: FloatArray
-    encoder: FloatArray
-    tip: FloatArray
-    tip_stamps: IntArray
+    encoder: Way
+    tip: Way
     reference: FloatArray
-    torque: FloatArray
+    torque: Way
     gain: FloatArray
 
 
@@ -185,24 +210,35 @@ def _answer(
     """Let sensors, trajectory and controller answer the state of tick ``first + i``."""
     k = first + i
     _keep_state(ticks.state[i], q, qd, ends)
-    encoder = _measure_joints(loop.encoder, k, q, qd, ticks.encoder_noise, i)
-    tip = _measure_tip(loop, k, i, q, qd, ticks)
+    a, b, da, db = delayed(loop.encoder.line, k, q[0], q[1], qd[0], qd[1])
+    encoder = _receive(loop.encoder, ticks.encoder, i, a, b, da, db)
+    x, y, vx, vy = sensed_point(loop.point, q, qd)
+    x, y, vx, vy = delayed(loop.tip.line, k, x, y, vx, vy)
+    tip = _receive(loop.tip, ticks.tip, i, x, y, vx, vy)
     reference = command_at(
         loop.sides.times, loop.sides.lines, loop.sides.lap_ns, loop.sides.smooth,
         k * loop.period_ns - loop.reference_delay_ns,
     )  # fmt: skip
-    law = loop.law
-    if len(law.table):
-        tau1, tau2 = torque_at(law.table, k, loop.period_ns, law.torque_limit)
-        gain = math.nan
-    else:
-        joints, deflection = (q[0], q[1], qd[0], qd[1]), (ends[0], ends[1])
-        tau1, tau2, gain = transpose_law(law.settings, joints, deflection, encoder, tip, reference)
     for j in range(4):
-        ticks.encoder[i, j], ticks.tip[i, j] = encoder[j], tip[j]
         ticks.reference[i, j] = reference[j]
-    ticks.torque[i, 0], ticks.torque[i, 1], ticks.gain[i] = tau1, tau2, gain
-    return tau1, tau2
+    law, way, before = loop.law, ticks.torque, max(i - 1, 0)
+    if k % law.every:
+        ticks.gain[i] = ticks.gain[before]
+    else:
+        if len(law.table):
+            tau1, tau2 = torque_at(law.table, k, loop.period_ns, law.torque_limit)
+            gain = math.nan
+        else:
+            joints, deflection = (q[0], q[1], qd[0], qd[1]), (ends[0], ends[1])
+            tau1, tau2, gain = transpose_law(
+                law.settings, joints, deflection, encoder, tip, reference
+            )
+        here = len(way.pool) - len(way.out) + i
+        way.pool[here, 0], way.pool[here, 1], ticks.gain[i] = tau1, tau2, gain
+    pick = way.picks[i]
+    for j in range(2):
+        way.out[i, j] = way.out[before, j] if pick < 0 else way.pool[pick, j]
+    return way.out[i, 0], way.out[i, 1]
 
 
 @inlined
@@ -215,41 +251,21 @@ def _keep_state(row: FloatArray, q: FloatArray, qd: FloatArray, ends: Four) -> N
 
 
 @inlined
-def _measure_joints(
-    encoder: Readout, k: int, q: FloatArray, qd: FloatArray, noise: FloatArray, i: int
-) -> Four:
-    """Return the joint angles and rates as measured at tick ``k``."""
-    a, b, da, db = delayed(encoder.line, k, q[0], q[1], qd[0], qd[1])
-    first, second = (noise[i, 0], noise[i, 1]) if len(noise) else (0.0, 0.0)
-    a, b = read_out(a, b, encoder.noise_std, first, second, encoder.resolution)
-    return a, b, da, db
-
-
-@inlined
-def _measure_tip(
-    loop: LoopRecord, k: int, i: int, q: FloatArray, qd: FloatArray, ticks: Ticks
-) -> Four:
-    """Return the sensed point as measured at tick ``k``: a new sample, or that of row i - 1."""
-    tip = loop.tip
-    x, y, vx, vy = sensed_point(loop.point, q, qd)
-    x, y, vx, vy = delayed(tip.line, k, x, y, vx, vy)
-    if k % tip.every:
-        before = max(i - 1, 0)  # row 0 holds the sample from before the block
-        ticks.tip_stamps[i] = ticks.tip_stamps[before]
-        row = ticks.tip[before]
-        return row[0], row[1], row[2], row[3]
-    ticks.tip_stamps[i] = T0_NS + k * loop.period_ns - tip.latency_ns
-    sample = _samples(k, tip.every) - _samples(k - i, tip.every)
-    noise = ticks.tip_noise
-    first, second = (noise[sample, 0], noise[sample, 1]) if len(noise) else (0.0, 0.0)
-    x, y = read_out(x, y, tip.noise_std, first, second, tip.resolution)
-    return x, y, vx, vy
-
-
-@compiled
-def _samples(k: int, every: int) -> int:
-    """Return the number of samples before tick ``k``."""
-    return (k + every - 1) // every
+def _receive(sensor: Readout, way: Way, i: int, a: float, b: float, c: float, d: float) -> Four:
+    """Take the sample of the block's tick ``i`` into the pool; return what the receiver has."""
+    pool, out, pick = way.pool, way.out, way.picks[i]
+    here, before = len(pool) - len(out) + i, max(i - 1, 0)
+    pool[here, 0], pool[here, 1], pool[here, 2], pool[here, 3] = a, b, c, d
+    if pick < 0:
+        a, b, c, d = out[before, 0], out[before, 1], out[before, 2], out[before, 3]
+    else:
+        first, second = (way.noise[i, 0], way.noise[i, 1]) if len(way.noise) else (0.0, 0.0)
+        a, b = read_out(
+            pool[pick, 0], pool[pick, 1], sensor.noise_std, first, second, sensor.resolution
+        )
+        c, d = pool[pick, 2], pool[pick, 3]
+    out[i, 0], out[i, 1], out[i, 2], out[i, 3] = a, b, c, d
+    return a, b, c, d
 
 
 _RUN: dict[type, Any] = {Eq14Plant: run_eq14, FullPlant: run_full}
@@ -269,22 +285,18 @@ class Kernel:
         if not known or type(loop.law) not in _LAWS or len(answering[1].sensors) > 1:
             return None
         encoder, tip = answering[0].sensor, answering[1].sensors[0]
-        if encoder.offset is not None or encoder.channel.every > 1:
+        if encoder.offset is not None:
             return None
-        if answering[3].every > 1 or answering[3].delay:
-            return None
-        # Samples with an arrival of their own, from the first tick or from a live change on.
-        changed = any(change.key in ('jitter', 'dropout') for change in loop.config.changes)
-        if changed or encoder.channel.scheduled or tip.channel.scheduled:
-            return None
-        return Kernel(loop, encoder, tip, answering[2].reference)
+        return Kernel(loop, encoder, tip, answering[2].reference, answering[3])
 
     def __init__(
-        self, loop: ClosedLoop, encoder: Encoder, tip: TipSensor, reference: Reference
-    ) -> None:
+        self, loop: ClosedLoop, encoder: Encoder, tip: TipSensor, reference: Reference,
+        controller: parts.ControllerPart,
+    ) -> None:  # fmt: skip
         self._loop = loop
         plant: Any = loop.plant
         self._encoder, self._tip, self._reference = encoder, tip, reference
+        self._controller = controller
         self._topics = [signal.name for _, signal in parts.signals(loop.config)]
         self._width = 2 * len(loop.plant.names) + 4
         self._run = _RUN[type(loop.plant)]
@@ -297,58 +309,90 @@ class Kernel:
         first, count = loop.k, loop.begin_block(most)
         if loop.config is not self._config:
             self._config, self._record = loop.config, self._make_record()
-        ticks = self._make_ticks(first, count)
+        deliveries = self._plan(first, count)
+        ticks = self._make_ticks(count, *deliveries)
         ends, torque = loop.plant.deflections(), loop.torque or (0.0, 0.0)
         done = self._run(self._plant_record, self._record, first, ends, torque, ticks)
         loop.plant.set_state(loop.plant.q, loop.plant.qd)  # and the deflections with it
         if done:
-            self._tip.held = (ticks.tip_stamps[done - 1].item(), *ticks.tip[done - 1].tolist())
             loop.law.gain = ticks.gain[done - 1].item()
-            loop.torque = tuple(ticks.torque[done - 1].tolist())
+            loop.torque = tuple(ticks.torque.out[done - 1].tolist())
+        self._controller.end_plan(deliveries[2], loop.torque or (0.0, 0.0))
+        stamps = []
+        sensors, ways = (self._encoder, self._tip), (ticks.encoder, ticks.tip)
+        for sensor, delivery, way in zip(sensors, deliveries[:2], ways, strict=True):
+            sensor.channel.end_plan(delivery)
+            stamps.append(_held_stamps(delivery, sensor.held[0]))
+            if done:
+                sensor.held = (stamps[-1][done - 1].item(), *way.out[done - 1].tolist())
         loop.end_block(done, count)
-        return self._make_block(first, done, ticks)
+        return self._make_block(first, done, ticks, stamps)
 
     def _make_record(self) -> LoopRecord:
         loop, law = self._loop, self._loop.law
         assert isinstance(law, (PdLaw, OpenLoopLaw))
+        every = self._controller.every
         if isinstance(law, OpenLoopLaw):
             limit = loop.config.controller.torque_limit
-            law_record = LawRecord(_NO_SETTINGS, law.table, limit)
+            law_record = LawRecord(every, _NO_SETTINGS, law.table, limit)
         else:
-            law_record = LawRecord(law.settings, _NO_TABLE, 0.0)
+            law_record = LawRecord(every, law.settings, _NO_TABLE, 0.0)
         return LoopRecord(
             loop.timeline.period_ns, loop.plant.limits, self._encoder.record(),
             self._tip.record(), self._tip.point.record(), self._reference.path.record,
             self._reference.delay_ns, law_record,
         )  # fmt: skip
 
-    def _make_ticks(self, first: int, count: int) -> Ticks:
-        every = self._record.tip.every
-        samples = -(-(first + count) // every) + (-first // every)
-        noisy = self._encoder.noise_std > 0.0, self._tip.noise_std > 0.0
+    def _plan(self, first: int, count: int) -> tuple[Delivery, Delivery, Delivery]:
+        """Return what arrives of encoder, tip sensor and controller in the next ticks."""
+        return (
+            self._encoder.channel.plan(first, count), self._tip.channel.plan(first, count),
+            self._controller.plan(first, count),
+        )  # fmt: skip
+
+    def _make_ticks(self, count: int, encoder: Delivery, tip: Delivery, torque: Delivery) -> Ticks:
         ticks = Ticks(
-            self._encoder.noise.pairs(count) if noisy[0] else _NO_NOISE,
-            self._tip.noise.pairs(samples) if noisy[1] else _NO_NOISE,
-            np.empty((count, self._width)), np.empty((count, 4)), np.empty((count, 4)),
-            np.empty(count, np.int64), np.empty((count, 4)), np.empty((count, 2)),
-            np.empty(count),
+            np.empty((count, self._width)), _sensor_way(self._encoder, encoder),
+            _sensor_way(self._tip, tip), np.empty((count, 4)),
+            Way(torque.pool, torque.picks, _NO_NOISE, np.empty((count, 2))), np.empty(count),
         )  # fmt: skip
         if count:
-            ticks.tip_stamps[0], ticks.tip[0] = self._tip.held[0], self._tip.held[1:]
+            ticks.torque.out[0], ticks.gain[0] = self._controller.out, self._loop.law.gain
         return ticks
 
-    def _make_block(self, first: int, count: int, ticks: Ticks) -> Block:
+    def _make_block(
+        self, first: int, count: int, ticks: Ticks, stamps: Sequence[IntArray]
+    ) -> Block:
         now = T0_NS + np.arange(first, first + count) * self._record.period_ns
         found = {
             part.CLOCK: (now, np.empty((count, 0))),
             part.STATE: (now, ticks.state),
-            part.JOINT_STATES: (now - self._record.encoder.latency_ns, ticks.encoder),
-            part.TIP: (ticks.tip_stamps, ticks.tip),
+            part.JOINT_STATES: (stamps[0], ticks.encoder.out),
+            part.TIP: (stamps[1], ticks.tip.out),
             part.REFERENCE: (now, ticks.reference),
-            part.COMMAND: (now, ticks.torque),
+            part.COMMAND: (now, ticks.torque.out),
         }
         columns = [found[topic] for topic in self._topics]
         return Block(
             first, tuple(stamps[:count] for stamps, _ in columns),
             tuple(values[:count] for _, values in columns),
         )  # fmt: skip
+
+
+def _sensor_way(sensor: Encoder | TipSensor, delivery: Delivery) -> Way:
+    """Return the way of a sensor's samples in a block, with the noise of those that arrive."""
+    count, arrives = len(delivery.picks), delivery.picks >= 0
+    noise, out = _NO_NOISE, np.empty((count, 4))
+    if sensor.noise_std > 0.0:
+        noise = np.zeros((count, 2))
+        noise[arrives] = sensor.noise.pairs(np.count_nonzero(arrives))
+    if count:
+        out[0] = sensor.held[1:]
+    return Way(delivery.pool, delivery.picks, noise, out)
+
+
+def _held_stamps(delivery: Delivery, before: int) -> IntArray:
+    """Return the stamps of what the receiver has: of the newest sample, at first ``before``."""
+    rows = np.where(delivery.picks >= 0, np.arange(len(delivery.picks)), -1)
+    newest = np.maximum.accumulate(rows)
+    return np.where(newest < 0, before, delivery.stamps[np.maximum(newest, 0)])

@@ -75,6 +75,7 @@ from flexarm_ros.core.timeline import clock_ticks, named_ns, ticks_between, Time
 # parts before it parses its arguments.
 if TYPE_CHECKING:
     from flexarm_ros.core.run.state import Four, State
+    from flexarm_ros.core.sensing.channel import Delivery
     from flexarm_ros.core.sensing.sensors import Measurement
 
 
@@ -292,7 +293,9 @@ class ControllerPart(Answer):
         delay_ns = named_ns('controller.compute_delay', config.controller.compute_delay)
         self.delay = -(-delay_ns // period_ns)
         """Ticks from a sample to its torque."""
-        self._out, self._due = (0.0, 0.0), deque[tuple[int, tuple[float, float]]]()
+        self.out = (0.0, 0.0)
+        """The torque of the last tick, with a rate or a delay."""
+        self._due = deque[tuple[float, float]]()
         if self.every > 1 or self.delay:
             self.answer = self._answer_late  # type: ignore[method-assign, assignment]
         self.fault = torque_fault  # type: ignore[method-assign, assignment]
@@ -317,10 +320,34 @@ class ControllerPart(Answer):
     def _answer_late(self, k: int, *inputs: Any) -> tuple[float, float]:
         """Return the newest torque that is due, N m; before the first one 0."""
         if k % self.every == 0:
-            self._due.append((k + self.delay, ControllerPart.answer(self, k, *inputs)))
-        while self._due and self._due[0][0] <= k:
-            self._out = self._due.popleft()[1]
-        return self._out
+            self._due.append(ControllerPart.answer(self, k, *inputs))
+        if self._is_due(k):
+            self.out = self._due.popleft()
+        return self.out
+
+    def _is_due(self, k: Any) -> Any:
+        """Return whether the torque of ``delay`` ticks ago exists, and is due at tick ``k``."""
+        return (k >= self.delay) & ((k - self.delay) % self.every == 0)
+
+    def plan(self, first: int, count: int) -> Delivery:
+        """Return which torque is new at each of ``count`` ticks; `end_plan` is to follow."""
+        from flexarm_ros.core.sensing.channel import Delivery
+        import numpy as np
+
+        ticks, sent = np.arange(first, first + count), len(self._due)
+        pool = np.empty((sent + count, 2))
+        pool[:sent] = np.array(self._due).reshape(-1, 2)
+        computed = ticks[ticks % self.every == 0] - first + sent
+        rows = np.concatenate([np.arange(sent), computed])
+        picks, due = np.full(count, -1), self._is_due(ticks)
+        picks[due] = rows[: np.count_nonzero(due)]
+        self._rows = rows[np.count_nonzero(due) :]
+        return Delivery(pool, picks, ticks)
+
+    def end_plan(self, delivery: Delivery, out: tuple[float, float]) -> None:
+        """Keep the last torque and those that are not due yet, behind ticks that were run."""
+        self.out = out
+        self._due = deque((a, b) for a, b in delivery.pool[self._rows].tolist())
 
     def _bends(self, strain: tuple[float, float]) -> tuple[float, float]:
         """Return the end deflections that the gauges' readings stand for, m."""

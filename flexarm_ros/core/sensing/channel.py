@@ -26,18 +26,35 @@ run continues with it, so that samples under way arrive when they would have.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, TYPE_CHECKING
+from typing import Any, NamedTuple, Protocol, TYPE_CHECKING
 
+from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.channel import ChannelParameters
 from flexarm_ros.core.sensing.channel_keys import check_loss
 from flexarm_ros.core.sensing.delay import BufferDelay, CHANNELS, Line, PadeDelay
 from flexarm_ros.core.timeline import named_ns, T0_NS, ticks_between, Timeline
+import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from flexarm_ros.core.sensing.schedule import Schedule
 
 Arrived = tuple[int, Sequence[float]]
 """Stamp of the measurement, ns, and values."""
+
+
+class Delivery(NamedTuple):
+    """
+    Which sample the receiver has new at each of n ticks: known before they are run.
+
+    ``pool`` (m + n, width): m samples under way, then those of the ticks, to be filled; ``picks``
+    (n,): row of ``pool`` that arrives at a tick, -1: none; ``stamps`` (n,), ns, of those that
+    arrive.
+    """
+
+    pool: FloatArray
+    picks: NDArray[np.int64]
+    stamps: NDArray[np.int64]
 
 
 class Channel(Protocol):
@@ -92,7 +109,7 @@ class LatencyChannel:
         """Tick of the newest sample that has arrived."""
         self._delay_ns: int | None = None
         """The latency of the samples under way when the schedule comes into use."""
-        self._way: dict[int, tuple[int, int, Sequence[float]]] = {}
+        self._way: dict[int, tuple[int, int, Any]] = {}
         """Tick of arrival -> newest sample that arrives then: tick, stamp, values."""
         self.retune(parameters)
 
@@ -160,26 +177,66 @@ class LatencyChannel:
     def _scheduled_step(
         self, k: int, sample: Sequence[float], schedule: Schedule
     ) -> Arrived | None:
-        if self._delay_ns is not None:
-            self._continue(k, self._delay_ns)
-            self._delay_ns = None
-        values = self._through(k + self._shift, sample)
-        taken = T0_NS + k * self._period_ns - self._part_ns, values
+        self._begin_schedule(k)
+        arrived = self._pass(k, self._through(k + self._shift, sample), schedule)
+        return None if arrived is None else arrived[1:]
+
+    def _pass(self, k: int, values: Any, schedule: Schedule) -> tuple[int, int, Any] | None:
+        """Send the sample of tick ``k``; return tick, stamp and values of one that arrives."""
+        taken = k, T0_NS + k * self._period_ns - self._part_ns, values
         # As without jitter, samples are due at the receiver at every n-th tick.
         if (k + self._whole) % self.every == 0:
             arrival = schedule.send(k, self._part_ns)
             if arrival is not None:
-                self._way[arrival] = (k, *taken)
+                self._way[arrival] = taken
         arrived = self._way.pop(k, None)
         if arrived is not None and arrived[0] > self._newest:
             self._newest = arrived[0]
-            return arrived[1:]
+            return arrived
         if k > 0:
             return None
         if self._start is not None:
-            return T0_NS, self._start
+            return 0, T0_NS, self._start
         self._newest = 0
         return taken
+
+    def plan(self, first: int, count: int) -> Delivery:
+        """
+        Return the delivery of the next ``count`` ticks, from ``first`` on, which may be none.
+
+        Their samples are then to be put through `record` and into the pool, and `end_plan` called.
+        """
+        ticks = np.arange(first, first + count)
+        if self._schedule is None:
+            if count:
+                self._used_ns = self.ns
+            picks = np.where(ticks % self.every == 0, np.arange(count), -1)
+            stamps = T0_NS + ticks * self._period_ns - self.ns
+            return Delivery(np.empty((count, self._width)), picks, stamps)
+        if count:
+            self._begin_schedule(first)
+        under_way = list(self._way.items())
+        pool = np.empty((len(under_way) + count, self._width))
+        for row, (due, (sent, stamp, values)) in enumerate(under_way):
+            pool[row] = values
+            self._way[due] = sent, stamp, row
+        picks, stamps = np.full(count, -1), np.zeros(count, np.int64)
+        for i in range(count):
+            found = self._pass(first + i, len(under_way) + i, self._schedule)
+            if found is not None:
+                _, stamps[i], picks[i] = found
+        return Delivery(pool, picks, stamps)
+
+    def end_plan(self, delivery: Delivery) -> None:
+        """Keep the samples that are still under way, behind ticks that have been run."""
+        for due, (sent, stamp, row) in self._way.items():
+            self._way[due] = sent, stamp, tuple(delivery.pool[row].tolist())
+
+    def _begin_schedule(self, k: int) -> None:
+        """Go on with the schedule from tick ``k`` on, if it has just come into use."""
+        if self._delay_ns is not None:
+            self._continue(k, self._delay_ns)
+            self._delay_ns = None
 
     def _continue(self, k: int, latency_ns: int) -> None:
         """Note the samples that are under way before tick ``k``, with one latency for all."""

@@ -47,13 +47,10 @@ class Readout(NamedTuple):
     """
     A sensor for compiled code, as far as encoder and tip sensor are alike.
 
-    ``latency_ns``, ``line``: see `flexarm_ros.core.sensing.delay`; ``every``: ticks between
-    samples; ``noise_std``, ``resolution``: see `read_out`.
+    ``line``: see `flexarm_ros.core.sensing.delay`; ``noise_std``, ``resolution``: see `read_out`.
     """
 
-    latency_ns: int
     line: Line
-    every: int
     noise_std: float
     resolution: float
 
@@ -129,8 +126,7 @@ class Encoder:
 
     def record(self) -> Readout:
         """Return the sensor for compiled code, with the parameters of this tick."""
-        channel = self.channel
-        return Readout(channel.ns, channel.record(), 1, self.noise_std, self.resolution)
+        return Readout(self.channel.record(), self.noise_std, self.resolution)
 
 
 class TipSensor:
@@ -187,8 +183,7 @@ class TipSensor:
 
     def record(self) -> Readout:
         """Return the sensor for compiled code, with the parameters of this tick."""
-        channel = self.channel
-        return Readout(channel.ns, channel.record(), channel.every, self.noise_std, 0.0)
+        return Readout(self.channel.record(), self.noise_std, 0.0)
 
 
 def further_sensors(config: RunConfig) -> tuple[TipSensor, ...]:

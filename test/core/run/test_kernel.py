@@ -81,6 +81,14 @@ def test_a_shipped_case(name: str) -> None:
     fly_both(config(name))
 
 
+CHANNEL = (
+    'tip_sensor.jitter=0.003', 'encoder.jitter=0.0021', 'encoder.dropout=0.05',
+    'tip_sensor.dropout=0.2', 'tip_sensor.dropout_burst=3',
+)  # fmt: skip
+OTHER = (
+    'tip_sensor.jitter_distribution=exponential', 'encoder.jitter_distribution=normal',
+    'tip_sensor.arrival=in_order', 'seed=3',
+)  # fmt: skip
 FEATURES = {
     'noise, rate, resolution, fractional latency': config('fls_tip', *NOISE),
     'noise at every tick': config('fls_tip', *NOISE, 'tip_sensor.rate=0'),
@@ -106,6 +114,32 @@ FEATURES = {
     ),
     'hold': config('pd_tip', 'trajectory.kind=hold'),
     'odd period': config('fls_tip', 'control_period=0.0007', 'duration=0.21'),
+    'rates': config(
+        'fls_tip', *NOISE, 'encoder.rate=250', 'tip_sensor.rate=200', 'controller.rate=500'
+    ),
+    'rates with latencies of many samples': config(
+        'fls_mid', 'encoder.rate=500', 'tip_sensor.rate=200', 'tip_sensor.latency=0.0123',
+        'encoder.latency=0.0075', 'controller.velocity_source=encoder',
+    ),
+    'computation of several ticks': config('pd_tip', 'controller.compute_delay=0.0035', *NOISE),
+    'rate and computation': config(
+        'fls_tip', 'controller.rate=500', 'controller.compute_delay=0.007', *NOISE
+    ),
+    'rate of an open loop': config(
+        'open_loop', 'controller.rate=100', 'controller.compute_delay=0.003'
+    ),
+    'uniform jitter': config('fls_tip', *CHANNEL, *NOISE),
+    'exponential jitter': config('fls_tip', *CHANNEL, *NOISE, *OTHER),
+    'jitter, loss and rates': config(
+        'fls_tip', *CHANNEL, *NOISE, *OTHER, 'encoder.rate=500', 'tip_sensor.rate=250',
+        'controller.rate=500', 'controller.compute_delay=0.0025',
+    ),
+    'measured latencies': config(
+        'fls_tip', 'tip_sensor.latencies=[0.001, 0.0135, 0.004, 0.0]', 'encoder.dropout=0.3',
+        *NOISE,
+    ),
+    'everything lost': config('fls_tip', 'tip_sensor.dropout=1.0', 'duration=0.02'),
+    'jitter of full': config('fls_full', *CHANNEL, *NOISE, 'duration=0.08'),
     'clock rate': config('fls_tip', 'clock_rate=100'),
     'six modes of full': config('pd_full', 'plant.modes=6', 'duration=0.05'),
 }  # fmt: skip
@@ -177,18 +211,35 @@ def test_what_the_kernel_does_not_know_runs_tick_by_tick() -> None:
     assert sum(len(block) for block in loop_blocks(ClosedLoop(of))) == 250
 
 
-@pytest.mark.parametrize(
-    'setting',
-    ['encoder.jitter=1e-3', 'tip_sensor.dropout=0.1', 'encoder.rate=500', 'controller.rate=500',
-     'controller.compute_delay=1e-3', 'encoder.latencies=[0.001]'],
-)  # fmt: skip
-def test_channels_and_rates_run_tick_by_tick(setting: str) -> None:
-    assert Kernel.of(ClosedLoop(config('fls_tip', setting))) is None
+CHANNEL_CHANGES = (
+    Change(30, 'tip_sensor', 'jitter', 0.003),
+    Change(33, 'tip_sensor', 'latency', 0.0074),
+    Change(40, 'encoder', 'dropout', 0.4),
+    Change(77, 'tip_sensor', 'jitter', 0.0),
+    Change(130, 'encoder', 'jitter', 0.001),
+)
 
 
-def test_a_channel_that_changes_on_the_way_runs_tick_by_tick() -> None:
-    change = Change(30, 'tip_sensor', 'jitter', 0.001)
-    assert Kernel.of(ClosedLoop(config('fls_tip', changes=[change]))) is None
+@pytest.mark.parametrize('first', [(), CHANNEL, ('encoder.rate=500', 'controller.rate=500')])
+def test_channels_that_change_on_the_way(first: tuple[str, ...]) -> None:
+    fly_both(config('fls_tip', *NOISE, *first, changes=CHANNEL_CHANGES))
+
+
+def test_blocks_and_single_ticks_may_alternate_with_samples_under_way() -> None:
+    of = config(
+        'fls_tip', *CHANNEL, *NOISE, 'controller.rate=500', 'controller.compute_delay=0.003',
+        changes=CHANNEL_CHANGES,
+    )  # fmt: skip
+    mixed, slow = ClosedLoop(of), ClosedLoop(of)
+    kernel = Kernel.of(mixed)
+    assert kernel is not None
+    while mixed.k < 250 and mixed.unstable is None:
+        kernel.block(7)
+        mixed.tick()
+    while slow.tick() is not None:
+        pass
+    assert mixed.plant.q.tobytes() == slow.plant.q.tobytes()
+    assert mixed.torque == slow.torque
 
 
 def test_a_subclass_of_a_known_part_runs_tick_by_tick() -> None:
