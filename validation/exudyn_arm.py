@@ -27,6 +27,7 @@ frequency w by (w h)^2 / 12 of its phase.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import exudyn as exu
@@ -127,17 +128,29 @@ def _links(system: Any, case: Case, elements: int, axial: float) -> list[list[An
                     )
                 )
             )
-        for first, second in zip(nodes, nodes[1:], strict=False):
-            system.AddObject(
-                items.Cable2D(
-                    length=piece, massPerLength=DENSITY, bendingStiffness=RIGIDITY,
-                    axialStiffness=axial, nodeNumbers=[first, second],
-                    useReducedOrderIntegration=0,
-                )
-            )  # fmt: skip
+        add_cables(system, nodes, piece, DENSITY, RIGIDITY, axial)
         links.append(nodes)
         start, speed = start + LENGTH * along, speed + rate * LENGTH * across
     return links
+
+
+def add_cables(
+    system: Any, nodes: list[Any], piece: float, density: float, rigidity: float, axial: float,
+    damping: float = 0.0,
+) -> None:  # fmt: skip
+    """
+    Add a cable element of length ``piece``, m, between each two nodes.
+
+    ``density``, kg/m; ``rigidity`` EI, N m^2; ``axial`` EA, N; ``damping`` of bending, N m^2 s.
+    """
+    for pair in pairwise(nodes):
+        system.AddObject(
+            items.Cable2D(
+                length=piece, massPerLength=density, bendingStiffness=rigidity,
+                axialStiffness=axial, bendingDamping=damping, nodeNumbers=list(pair),
+                useReducedOrderIntegration=0,
+            )
+        )  # fmt: skip
 
 
 def _joints(system: Any, links: list[list[Any]]) -> None:

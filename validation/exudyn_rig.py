@@ -16,23 +16,25 @@
 A two-link flexible arm in Exudyn that is moved and measured as a rig on a bench is.
 
 Each link is a chain of planar ANCF cable elements; hubs, the second drive and the payload are
-rigid bodies.  Joints have viscous and Coulomb friction, a controller with 500 Hz moves them.
-Nothing of this package takes part but the numbers of the scenario.  Coulomb friction is
-proportional to the rate below `ZONE`, so that Exudyn's Newton iterations converge.
+rigid bodies, to which links with rigid parts are clamped at a distance.  Joints have viscous and
+Coulomb friction; a controller with 500 Hz, or another law, moves them.  Nothing of this package
+takes part but the numbers of the scenario.  Coulomb friction is proportional to the rate below
+`ZONE`, so that Exudyn's Newton iterations converge.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import exudyn as exu
 import exudyn.itemInterface as items
 from flexarm_ros.core.arm.plant import material_damping
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
-from validation.exudyn_arm import solver_settings
+from validation.exudyn_arm import add_cables, solver_settings
 from validation.motion import Array
 
 PERIOD, STEP = 0.002, 5e-4
@@ -50,6 +52,16 @@ GAINS = ((40.0, 12.0), (8.0, 1.6))
 """Of the controller: N m/rad and N m s/rad of each joint."""
 
 
+class Mesh(NamedTuple):
+    """Elements a link, and the step of the integrator, s."""
+
+    elements: int = ELEMENTS
+    step: float = STEP
+
+
+COARSE = Mesh()
+
+
 def goal(time: float) -> tuple[float, float]:
     """Return the reference of both joints, rad: small, as the model bends up to some 1 %."""
     swing = 0.015 * math.sin(2.0 * math.pi * 0.45 * time)
@@ -60,9 +72,23 @@ def goal(time: float) -> tuple[float, float]:
     return first + swing, second - swing
 
 
-def gauge_places(plant: PlantParameters) -> tuple[float, float]:
+def gauge_places(plant: PlantParameters, mesh: Mesh = COARSE) -> tuple[float, float]:
     """Return where the gauges sit, m from the root of each link."""
-    first, second = (length / ELEMENTS * PLACE for length in plant.length)
+    first, second = (length / mesh.elements * PLACE for length in plant.length)
+    return first, second
+
+
+Pair = tuple[float, float]
+Law = Callable[[float, Pair, Pair], Pair]
+"""Torques, N m, from the time, s, the joint angles and their rates, rad and rad/s."""
+
+
+def control(time: float, angles: Pair, rates: Pair) -> Pair:
+    """Return the torques of the controller."""
+    first, second = (
+        kp * (wanted - angle) - kd * rate
+        for (kp, kd), wanted, angle, rate in zip(GAINS, goal(time), angles, rates, strict=True)
+    )
     return first, second
 
 
@@ -74,16 +100,19 @@ class _Body:
     marker: Any
 
 
-def fly(plant: PlantParameters, seconds: float) -> dict[str, Array]:
+def fly(
+    plant: PlantParameters, seconds: float, law: Law = control, mesh: Mesh = COARSE
+) -> dict[str, Array]:
     """Return ``theta``, ``curvature`` (1/m) and ``torque``, (n, 2) each, every `PERIOD`."""
     container = exu.SystemContainer()
     system = container.AddSystem()
-    links = [_link(system, plant, link) for link in (0, 1)]
+    links = [_link(system, plant, link, mesh.elements) for link in (0, 1)]
+    hubs, ends = plant.hub_radius, plant.end_offset
     bodies = [
-        _body(system, links[0][0], 1e-6, plant.hub_inertia[0]),
-        _body(system, links[0][-1], plant.link_end_mass, plant.link_end_inertia),
-        _body(system, links[1][0], 1e-6, 0.0),
-        _body(system, links[1][-1], plant.payload_mass, plant.payload_inertia),
+        _body(system, links[0][0], hubs[0], 1e-6, plant.hub_inertia[0]),
+        _body(system, links[0][-1], -ends[0], plant.link_end_mass, plant.link_end_inertia),
+        _body(system, links[1][0], hubs[1], 1e-6, 0.0),
+        _body(system, links[1][-1], -ends[1], plant.payload_mass, plant.payload_inertia),
     ]
     hub, end, root, _ = bodies
     ground = system.AddMarker(
@@ -104,44 +133,41 @@ def fly(plant: PlantParameters, seconds: float) -> dict[str, Array]:
         (hub, end, root),
         turns,
         lambda: [_curvature(system, plant, links, n) for n in (0, 1)],
+        law,
+        round(PERIOD / mesh.step),
     )
     system.Assemble()
-    system.SolveDynamic(solver_settings(seconds, STEP, relative=1e-6, absolute=1e-10))
+    system.SolveDynamic(solver_settings(seconds, mesh.step, relative=1e-6, absolute=1e-10))
     table = np.array(rows)
     return {'theta': table[:, :2], 'curvature': table[:, 2:4], 'torque': table[:, 4:]}
 
 
-def _link(system: Any, plant: PlantParameters, link: int) -> list[Any]:
-    """Add a straight link along x; return its nodes."""
-    piece = plant.length[link] / ELEMENTS
-    begin = link * plant.length[0]
+def _link(system: Any, plant: PlantParameters, link: int, elements: int) -> list[Any]:
+    """Add the flexible part of a link, straight along x; return its nodes."""
+    piece = plant.length[link] / elements
+    begin = link * plant.spans[0] + plant.hub_radius[link]
     nodes = [
         system.AddNode(
             items.NodePoint2DSlope1(referenceCoordinates=[begin + i * piece, 0.0, 1.0, 0.0])
         )
-        for i in range(ELEMENTS + 1)
+        for i in range(elements + 1)
     ]
     rigidity = plant.flexural_rigidity[link]
-    for pair in zip(nodes, nodes[1:], strict=False):
-        system.AddObject(
-            items.Cable2D(
-                length=piece, massPerLength=plant.mass_density[link], bendingStiffness=rigidity,
-                axialStiffness=AXIAL, bendingDamping=rigidity * material_damping(plant, link),
-                nodeNumbers=list(pair), useReducedOrderIntegration=0,
-            )
-        )  # fmt: skip
+    damping = rigidity * material_damping(plant, link)
+    add_cables(system, nodes, piece, plant.mass_density[link], rigidity, AXIAL, damping)
     return nodes
 
 
-def _body(system: Any, node: Any, mass: float, inertia: float) -> _Body:
-    """Clamp a rigid body to a node of a link."""
-    place = system.GetNode(node)['referenceCoordinates'][:2]
-    own = system.AddNode(items.NodeRigidBody2D(referenceCoordinates=[*place, 0.0]))
-    system.AddObject(items.RigidBody2D(nodeNumber=own, mass=mass, inertia=inertia))
+def _body(system: Any, node: Any, ahead: float, mass: float, inertia: float) -> _Body:
+    """Clamp a rigid body to a node of a link, which is ``ahead`` of it, m along the link."""
+    x, y = system.GetNode(node)['referenceCoordinates'][:2]
+    own = system.AddNode(items.NodeRigidBody2D(referenceCoordinates=[x - ahead, y, 0.0]))
+    body = system.AddObject(items.RigidBody2D(nodeNumber=own, mass=mass, inertia=inertia))
     marker = system.AddMarker(items.MarkerNodeRigid(nodeNumber=own))
+    seat = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=[ahead, 0, 0]))
     other = system.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
     system.AddObject(
-        items.GenericJoint(markerNumbers=[other, marker], constrainedAxes=[1, 1, 0, 0, 0, 1])
+        items.GenericJoint(markerNumbers=[other, seat], constrainedAxes=[1, 1, 0, 0, 0, 1])
     )
     return _Body(own, marker)
 
@@ -166,11 +192,13 @@ def _friction(system: Any, plant: PlantParameters, turns: list[Any]) -> None:
         )  # fmt: skip
 
 
-def _control(system: Any, bodies: Any, turns: list[Any], curvatures: Any) -> list[list[float]]:
-    """Let the controller set the torques every `PERIOD`; return the rows, which it fills."""
+def _control(
+    system: Any, bodies: Any, turns: list[Any], curvatures: Any, law: Law, every: int
+) -> list[list[float]]:
+    """Let the law set the torques every ``every`` steps; return the rows, which it fills."""
     loads = [system.AddLoad(items.LoadCoordinate(markerNumber=turn, load=0.0)) for turn in turns]
     rows: list[list[float]] = []
-    steps, every = [0], round(PERIOD / STEP)
+    steps = [0]
 
     def turned(kind: Any) -> tuple[float, float]:
         first, end, root = (system.GetNodeOutput(body.node, kind)[2] for body in bodies)
@@ -180,10 +208,7 @@ def _control(system: Any, bodies: Any, turns: list[Any], curvatures: Any) -> lis
         if steps[0] % every == 0:
             angles = turned(exu.OutputVariableType.Coordinates)
             rates = turned(exu.OutputVariableType.Coordinates_t)
-            goals = goal(len(rows) * PERIOD)
-            torques = [
-                GAINS[j][0] * (goals[j] - angles[j]) - GAINS[j][1] * rates[j] for j in (0, 1)
-            ]
+            torques = law(len(rows) * PERIOD, angles, rates)
             rows.append([*angles, *curvatures(), *torques])
             for load, torque in zip(loads, (torques[0], -torques[1], torques[1]), strict=True):
                 system.SetLoadParameter(load, 'load', torque)
@@ -195,8 +220,8 @@ def _control(system: Any, bodies: Any, turns: list[Any], curvatures: Any) -> lis
 
 
 def _curvature(system: Any, plant: PlantParameters, links: list[list[Any]], link: int) -> float:
-    """Return the curvature at the gauge, 1/m."""
-    piece, x = plant.length[link] / ELEMENTS, PLACE
+    """Return the curvature at the gauge, 1/m, which is at `PLACE` of the first element."""
+    piece, x = plant.length[link] / (len(links[link]) - 1), PLACE
     points = []
     for node in links[link][:2]:
         moved = np.asarray(system.GetNodeOutput(node, exu.OutputVariableType.Coordinates))
