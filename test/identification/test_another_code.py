@@ -39,7 +39,7 @@ def test_the_places_of_the_gauges_are_those_of_the_rig() -> None:
 
 
 def test_numbers_are_found_within_their_uncertainty() -> None:
-    """Two draws of links and gauges, one of the joints too; `validation.fit_draws` has a hundred."""
+    """Two draws of the links, one of the joints; `validation.fit_draws` has a hundred."""
     true = fit_draws.setting()
     data = [fit_draws.measured(flight(), true, seed) for seed in (0, 1)]
     found = [fit_draws.fitted(data[0], true), fit_draws.fitted(data[1], true)]
