@@ -15,6 +15,6 @@
 """
 Node processes forked from one that has imported all modules.
 
-Imports core and scenario in the server; the parent only names: the classes of the nodes and the
-code cache (code_cache).
+Imports core, wire and scenario in the server; the parent only names: the classes of the nodes and
+the code cache (code_cache).
 """
