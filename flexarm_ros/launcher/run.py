@@ -43,6 +43,7 @@ from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
 from flexarm_ros.nodes.runtime.process.environment import log_directory
 from flexarm_ros.scenario.yaml.rclyaml import quoted
+from flexarm_ros.wire.fused_step import warm_up_steps
 
 VERDICT_S = 0.3
 """Wall time after the first failure for reports that are closer to the cause."""
@@ -132,7 +133,7 @@ def run_scenario(
         for again in (True, False):
             with beside(domain), NodeProcesses(
                 commands, environment, logs, options.nodes,
-                scenario=str(_resolved(directory)), compile_here=lambda: warm_up(config),
+                scenario=str(_resolved(directory)), compile_here=partial(_compile, config),
             ) as nodes:  # fmt: skip
                 nodes.dispensable = dispensable(config)
                 broken_off = partial(_tell, nodes, verdict, external if again else None)
@@ -144,6 +145,12 @@ def run_scenario(
             announce(f'{nodes.blame()}; starting the nodes again')
             _set_aside(directory, logs)
     return finish(directory, config, name, nodes, interrupted, external, work)
+
+
+def _compile(config: RunConfig) -> None:
+    """Compile what the nodes of a run call, or load it from the cache."""
+    warm_up(config)
+    warm_up_steps(config)
 
 
 def dispensable(config: RunConfig) -> frozenset[str]:
