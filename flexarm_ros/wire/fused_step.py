@@ -179,6 +179,7 @@ class SensorRecord(NamedTuple):
     state: Message
     measured: Message
     period_ns: int
+    latency_ns: int
     readout: Readout
     joints: bool
     point: SensedPoint
@@ -199,7 +200,7 @@ def measure(record: SensorRecord, k: int) -> bool:
         a, b, c, d = sensed_point(record.point, q, state.data[state.second : state.second + n])
     a, b, c, d = delayed(readout.line, k, a, b, c, d)
     a, b = read_out(a, b, 0.0, 0.0, 0.0, readout.resolution)
-    put_four(record.measured, due - readout.latency_ns, a, b, c, d)
+    put_four(record.measured, due - record.latency_ns, a, b, c, d)
     return True
 
 
@@ -308,7 +309,9 @@ def answer_step(
         return None
     joints = isinstance(sensor, Encoder)
     point = _NO_POINT if isinstance(sensor, Encoder) else sensor.point.record()
-    record = SensorRecord(said[0], output.message, period_ns, sensor.record(), joints, point)
+    record = SensorRecord(
+        said[0], output.message, period_ns, sensor.channel.ns, sensor.record(), joints, point
+    )
     return FusedStep(inputs, output, bound(measure, record, example=(0,)), sensor)
 
 

@@ -319,7 +319,8 @@ class Kernel:
             loop.torque = tuple(ticks.torque.out[done - 1].tolist())
         self._controller.end_plan(deliveries[2], loop.torque or (0.0, 0.0))
         stamps = []
-        sensors, ways = (self._encoder, self._tip), (ticks.encoder, ticks.tip)
+        sensors: tuple[Encoder | TipSensor, ...] = (self._encoder, self._tip)
+        ways = ticks.encoder, ticks.tip
         for sensor, delivery, way in zip(sensors, deliveries[:2], ways, strict=True):
             sensor.channel.end_plan(delivery)
             stamps.append(_held_stamps(delivery, sensor.held[0]))
@@ -385,7 +386,7 @@ def _sensor_way(sensor: Encoder | TipSensor, delivery: Delivery) -> Way:
     noise, out = _NO_NOISE, np.empty((count, 4))
     if sensor.noise_std > 0.0:
         noise = np.zeros((count, 2))
-        noise[arrives] = sensor.noise.pairs(np.count_nonzero(arrives))
+        noise[arrives] = sensor.noise.pairs(int(np.count_nonzero(arrives)))
     if count:
         out[0] = sensor.held[1:]
     return Way(delivery.pool, delivery.picks, noise, out)
@@ -393,6 +394,8 @@ def _sensor_way(sensor: Encoder | TipSensor, delivery: Delivery) -> Way:
 
 def _held_stamps(delivery: Delivery, before: int) -> IntArray:
     """Return the stamps of what the receiver has: of the newest sample, at first ``before``."""
+    if delivery.picks.min(initial=0) == 0:
+        return delivery.stamps
     rows = np.where(delivery.picks >= 0, np.arange(len(delivery.picks)), -1)
     newest = np.maximum.accumulate(rows)
     return np.where(newest < 0, before, delivery.stamps[np.maximum(newest, 0)])

@@ -210,7 +210,9 @@ class LatencyChannel:
         if self._schedule is None:
             if count:
                 self._used_ns = self.ns
-            picks = np.where(ticks % self.every == 0, np.arange(count), -1)
+            picks = np.arange(count)
+            if self.every > 1:
+                picks[ticks % self.every != 0] = -1
             stamps = T0_NS + ticks * self._period_ns - self.ns
             return Delivery(np.empty((count, self._width)), picks, stamps)
         if count:
