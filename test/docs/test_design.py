@@ -68,7 +68,7 @@ def names(cell: str) -> list[str]:
 def test_layers_are_those_that_are_enforced() -> None:
     assert ' <- '.join(LAYERS) in PAGE
     assert [names(row[0])[0] for row in table('| layer |')] == [*LAYERS, API]
-    (said,) = re.findall(r'digest of the source in a bag covers (.*):', PAGE)
+    (said,) = re.findall(r'numbers of a run depend on (.*) only: the digest', PAGE)
     assert names(said) == list(DIGESTED)
 
 

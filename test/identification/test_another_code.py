@@ -39,11 +39,10 @@ def test_the_places_of_the_gauges_are_those_of_the_rig() -> None:
 
 
 def test_numbers_are_found_within_their_uncertainty() -> None:
-    """Two draws of the links, one of the joints; `validation.fit_draws` has a hundred."""
+    """One draw of links and joints; `validation.fit_draws` has a hundred."""
     true = fit_draws.setting()
-    data = [fit_draws.measured(flight(), true, seed) for seed in (0, 1)]
-    found = [fit_draws.fitted(data[0], true), fit_draws.fitted(data[1], true)]
-    found.append(fit_draws.fitted_joints(data[0], true))
+    data = fit_draws.measured(flight(), true, 0)
+    found = fit_draws.fitted(data, true), fit_draws.fitted_joints(data, true)
     rows = np.array(
         [
             (row['value'] / true.number(key) - 1.0, row['std'] / true.number(key))
@@ -52,9 +51,9 @@ def test_numbers_are_found_within_their_uncertainty() -> None:
         ]
     )
     errors, stds = np.abs(rows).T
-    assert len(rows) == 7 + 7 + 6
-    assert (errors < 0.01).sum() >= 19
-    assert (errors < 2.0 * stds).sum() >= 17
+    assert len(rows) == 7 + 6
+    assert (errors < 0.01).sum() >= 12
+    assert (errors < 2.0 * stds).sum() >= 11
     assert (stds < 0.01).all()
 
 

@@ -234,7 +234,7 @@ def test_a_latency_that_the_run_cannot_hold_is_named(stranger: Path) -> None:
     [
         ('strain1', 'probe/x', 'column strain1 of trajectory.csv is that of strain_gauge'),
         ('tau1', 'probe/x', 'column tau1 of trajectory.csv is that of every run'),
-        ('probe', '/strain_gauge/strain', 'topic /strain_gauge/strain is that of strain_gauge'),
+        ('probe', 'strain_gauge/strain', 'topic strain_gauge/strain is that of strain_gauge'),
         ('probe', 'plant/timing', 'topic plant/timing is reserved'),
     ],
 )

@@ -43,7 +43,8 @@ PLAIN = {
     *('array', 'asarray', 'ascontiguousarray', 'atleast_1d', 'concatenate', 'stack', 'repeat'),
     *('tile', 'zeros', 'zeros_like', 'ones', 'empty', 'empty_like', 'full', 'eye', 'arange'),
     *('outer', 'multiply', 'sqrt', 'rint', 'maximum', 'minimum', 'max', 'abs', 'where', 'argsort'),
-    *('unique', 'tril', 'transpose', 'ndarray', 'random', 'float64', 'int64', 'uint64', 'uint8'),
+    *('cumsum', 'count_nonzero', 'unique', 'tril', 'transpose', 'ndarray', 'random'),
+    *('float64', 'int64', 'uint64', 'uint8'),
     *('inf', 'nan', 'dtype', 'record', 'void'),
 }  # fmt: skip
 

@@ -100,7 +100,7 @@ def highest_cutoff(damping: float, period: float) -> float:
     1 + (1 - x^2) / (1 + 2 damping x), its determinant 1 / (1 + 2 damping x): an eigenvalue is -1
     at x^2 = 4 damping x + 4.
     """
-    return (damping + math.hypot(damping, 1.0)) / (math.pi * period)
+    return (damping + math.sqrt(damping * damping + 1.0)) / (math.pi * period)
 
 
 class StateFeedback(Law):

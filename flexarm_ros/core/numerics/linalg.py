@@ -132,7 +132,7 @@ def spectral_radius(matrix: FloatArray) -> FloatArray:
     a, norms = matrix, []
     for _ in range(_SQUARINGS):
         squares = (a * a).reshape(*a.shape[:-2], -1)
-        norms.append(np.sqrt(np.add.accumulate(squares, axis=-1)[..., -1]))  # in this order
+        norms.append(np.sqrt(np.cumsum(squares, axis=-1)[..., -1]))  # in this order
         a = a / np.where(norms[-1] == 0.0, 1.0, norms[-1])[..., None, None]
         a = product(a, a)
     radius = np.ones(matrix.shape[:-2])

@@ -105,7 +105,6 @@ def check_plugins(config: RunConfig, whole: bool = True) -> None:
 
     ``whole``: all sections are known, so that the part's own check is made too.
     """
-    columns: set[str] = set()
     for part in PLUGINS.values():
         if config.section(part.NAME) is None:
             continue
@@ -113,7 +112,7 @@ def check_plugins(config: RunConfig, whole: bool = True) -> None:
         try:
             reads, signals, own = part.reads(config), part.signals(config), part.columns(config)
             _check_topics(reads, signals, part.further_signals(config))
-            _check_columns(part, config, own, columns)
+            _check_columns(part, config, own)
             if whole:
                 part.check(config)
         except ValueError as error:
@@ -122,7 +121,6 @@ def check_plugins(config: RunConfig, whole: bool = True) -> None:
             raise ScenarioError(clip(text if named else f'{where}: {text}', 400)) from None
         except Exception as error:  # whatever the part does
             raise ScenarioError(clip(f'{where}: {type(error).__name__}: {error}', 400)) from None
-        columns |= {column.name for column in own}
 
 
 def _check_topics(reads: Any, signals: Any, further: Any) -> None:
@@ -140,23 +138,15 @@ def _check_topics(reads: Any, signals: Any, further: Any) -> None:
             raise ValueError(f'signals: {signal.name}: every is {signal.every!r}, not 1 or more')
 
 
-def _check_columns(
-    part: type[Part], config: RunConfig, own: Sequence[Column], others: set[str]
-) -> None:
+def _check_columns(part: type[Part], config: RunConfig, own: Sequence[Column]) -> None:
     """Raise ``ValueError`` for a column of a name or place that the table cannot have."""
-    from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
-
     signals = (*part.signals(config), *part.further_signals(config))
     widths = {signal.name: signal.content.width for signal in signals}
-    taken = {*COLUMNS, *others}
     for column in own:
         if not _COLUMN.fullmatch(column.name):
             raise ValueError(f'columns: {column.name!r} is not a name of letters, digits and _')
-        if column.name in taken:
-            raise ValueError(f'columns: {column.name} is the name of another column')
         if not 0 <= column.place < widths.get(column.topic, 0):
             raise ValueError(
                 f'columns: {column.name}: its part publishes no value {column.place} on '
                 f'{column.topic}'
             )
-        taken.add(column.name)

@@ -81,8 +81,9 @@ def test_a_shipped_case(name: str) -> None:
     fly_both(config(name))
 
 
+GENTLE = 'controller.kp=20', 'controller.kd=2', 'controller.ks=2'  # stable with such delays
 CHANNEL = (
-    'tip_sensor.jitter=0.003', 'encoder.jitter=0.0021', 'encoder.dropout=0.05',
+    *GENTLE, 'tip_sensor.jitter=0.003', 'encoder.jitter=0.0021', 'encoder.dropout=0.05',
     'tip_sensor.dropout=0.2', 'tip_sensor.dropout_burst=3',
 )  # fmt: skip
 OTHER = (
@@ -123,7 +124,7 @@ FEATURES = {
     ),
     'computation of several ticks': config('pd_tip', 'controller.compute_delay=0.0035', *NOISE),
     'rate and computation': config(
-        'fls_tip', 'controller.rate=500', 'controller.compute_delay=0.007', *NOISE
+        'fls_tip', 'controller.rate=500', 'controller.compute_delay=0.007', *NOISE, *GENTLE
     ),
     'rate of an open loop': config(
         'open_loop', 'controller.rate=100', 'controller.compute_delay=0.003'

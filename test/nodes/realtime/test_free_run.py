@@ -32,7 +32,8 @@ class Command:
     """Commands as the test gives them: the tick that the next poll finds answered."""
 
     topic = SimpleNamespace(
-        name='joint_command', codec=SimpleNamespace(fields=('effort[0]', 'effort[1]'))
+        name='joint_command',
+        nothing=(0.0, 0.0),
     )
     source = 'controller'
 

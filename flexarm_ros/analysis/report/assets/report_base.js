@@ -106,6 +106,7 @@ function follow(box, draw, paperWidth) {
 // Says below a table that is wider than its box that there is more of it.
 function cue(box) {
   const note = html("p", "More columns to the right: scroll sideways.", null, "note cue");
+  note.hidden = true; // until measured, which waits for folded tables to be opened
   box.after(note);
   const check = () => { note.hidden = box.scrollWidth - box.clientWidth - box.scrollLeft < 4; };
   box.addEventListener("scroll", check);
