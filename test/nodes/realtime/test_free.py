@@ -105,7 +105,7 @@ def test_a_rig_runs_freely(way: tuple[str, ...], tmp_path: Path, ros_domain: int
         'disturbance.force_times=[0.0]', 'disturbance.force_x=[0.2]', 'disturbance.force_y=[-0.1]',
         'disturbance.payload_times=[0.1]', 'disturbance.payload_masses=[0.5]',
         'encoder.jitter=0.004', 'actuator.latency=0.002', 'actuator.dropout=0.1',
-        'strain_gauge.dropout=0.2', 'imu.jitter=0.003', 'plant.command_hold=30', 'duration=0.3',
+        'strain_gauge.dropout=0.2', 'imu.jitter=0.003', 'plant.command_hold=30', 'duration=1.0',
     ]  # fmt: skip
     settings = [word for setting in words for word in ('--set', setting)]
     done = flexarm('run', 'lab_arm', *FREE, *settings, *way, '--out', out)

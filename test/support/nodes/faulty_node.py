@@ -40,6 +40,18 @@ def faulty(kind: type[Any], role: str, fault: str, tick: int) -> type[Any]:
             self._strike()
             return bool(super().advance(*args))
 
+        def advance_fast(self, *args: Any) -> None:
+            self._fast_now = True  # as far as the tick of the fault
+            try:
+                super().advance_fast(*args)
+            finally:
+                self._fast_now = False
+
+        @property
+        def final_tick(self) -> int:
+            final = int(super().final_tick)
+            return min(final, tick) if getattr(self, '_fast_now', False) else final
+
         def check_end(self) -> None:
             if role == 'recorder':  # a batch of ticks may have been the rest of the run
                 self._strike()

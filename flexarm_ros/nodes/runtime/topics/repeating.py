@@ -32,6 +32,11 @@ class RepeatingInput(Input):
     _last: Values
     _pending: deque[bytes]
 
+    @property
+    def plain(self) -> bool:
+        """Never: the stamp of each message says what is repeated before it."""
+        return False
+
     def reset(self) -> None:
         """Expect tick 0 next."""
         super().reset()
