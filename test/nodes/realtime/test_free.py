@@ -114,10 +114,10 @@ def test_a_rig_runs_freely(way: tuple[str, ...], tmp_path: Path, ros_domain: int
     counted(out)
     verdict = verify(out)
     assert verdict.same, verdict.first
-    assert {verdict.compared[name] for name in ('actuator', 'controller')} == {300}
-    assert verdict.compared['disturbance'] == 600  # force and payload
+    assert {verdict.compared[name] for name in ('actuator', 'controller')} == {1000}
+    assert verdict.compared['disturbance'] == 2000  # force and payload
     again = flexarm('replay', out, '--timing', 'recorded', '--delay', '0')
-    assert again.returncode == 0 and 'played 300 ticks' in again.stdout + again.stderr
+    assert again.returncode == 0 and 'played 1000 ticks' in again.stdout + again.stderr
 
 
 def test_a_silent_controller_before_drives_ends_the_run(tmp_path: Path, ros_domain: int) -> None:
