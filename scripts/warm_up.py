@@ -21,11 +21,9 @@ asks for one.
 
 from flexarm_ros import scenario
 from flexarm_ros.core.control import PLANNING
-from flexarm_ros.core.run.warmup import warm_up
-from flexarm_ros.wire.fused_step import warm_up_steps
+from flexarm_ros.wire.fused_step import warm_up_nodes
 
 for name in scenario.shipped():
     config = scenario.load(name, [])
     if config.controller.law not in PLANNING:
-        warm_up(config)
-        warm_up_steps(config)
+        warm_up_nodes(config)

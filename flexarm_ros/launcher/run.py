@@ -35,7 +35,6 @@ from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory, Work
 from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, specs
 from flexarm_ros.core.run.parts import ControllerPart, replaceable, roles
 from flexarm_ros.core.run.results.real_time import outlives_controller
-from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan
 from flexarm_ros.launcher.processes import END_GRACE_S, node_command, NodeProcesses
@@ -43,7 +42,7 @@ from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
 from flexarm_ros.nodes.runtime.process.environment import log_directory
 from flexarm_ros.scenario.yaml.rclyaml import quoted
-from flexarm_ros.wire.fused_step import warm_up_steps
+from flexarm_ros.wire.fused_step import warm_up_nodes
 
 VERDICT_S = 0.3
 """Wall time after the first failure for reports that are closer to the cause."""
@@ -133,7 +132,7 @@ def run_scenario(
         for again in (True, False):
             with beside(domain), NodeProcesses(
                 commands, environment, logs, options.nodes,
-                scenario=str(_resolved(directory)), compile_here=partial(_compile, config),
+                scenario=str(_resolved(directory)), compile_here=partial(warm_up_nodes, config),
             ) as nodes:  # fmt: skip
                 nodes.dispensable = dispensable(config)
                 broken_off = partial(_tell, nodes, verdict, external if again else None)
@@ -145,12 +144,6 @@ def run_scenario(
             announce(f'{nodes.blame()}; starting the nodes again')
             _set_aside(directory, logs)
     return finish(directory, config, name, nodes, interrupted, external, work)
-
-
-def _compile(config: RunConfig) -> None:
-    """Compile what the nodes of a run call, or load it from the cache."""
-    warm_up(config)
-    warm_up_steps(config)
 
 
 def dispensable(config: RunConfig) -> frozenset[str]:

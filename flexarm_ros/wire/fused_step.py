@@ -76,6 +76,7 @@ from flexarm_ros.core.run.parts import (
     PlantPart,
     TipSensorPart,
 )
+from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.core.sensing.delay import delayed
 from flexarm_ros.core.sensing.sensors import Encoder, read_out, Readout, TipSensor
 from flexarm_ros.core.timeline import T0_NS, Timeline
@@ -360,8 +361,9 @@ def plant_step(plant: Plant, config: RunConfig, topics: Sequence[Topic]) -> Plan
     return PlantStep(command, state, clock, torque, write)
 
 
-def warm_up_steps(config: RunConfig) -> None:
-    """Compile the steps of a scenario, or load them from the cache."""
+def warm_up_nodes(config: RunConfig) -> None:
+    """Compile what the nodes of a scenario call, loop and steps, or load it from the cache."""
+    warm_up(config)
     topics = per_tick_topics(config)
     named = {topic.name: topic for topic in topics}
     plant_step(make_plant(config), config, topics)

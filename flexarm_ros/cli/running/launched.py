@@ -36,7 +36,6 @@ from flexarm_ros.cli.options import namespace
 from flexarm_ros.cli.options.domain import chosen_domain
 from flexarm_ros.cli.options.output import new_directory, show_outcome
 from flexarm_ros.cli.options.progress import Progress
-from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.launcher.reports import RunWatch
 from flexarm_ros.launcher.run import (
     dispensable,
@@ -45,6 +44,7 @@ from flexarm_ros.launcher.run import (
     Reported,
     write_resolved,
 )
+from flexarm_ros.wire.fused_step import warm_up_nodes
 
 
 class Argument(NamedTuple):
@@ -108,7 +108,7 @@ class LaunchedRun:
         progress = self._progress
         self._reported = Reported(progress.update, progress.say, progress.timing)
         self._total = round(self.config.run.duration / self.config.run.control_period)
-        warm_up(self.config)  # once, before all processes do it at the same time
+        warm_up_nodes(self.config)  # once, before all processes do it at the same time
 
     def ros_arguments(self, role: str) -> list[str]:
         """Return the arguments after ``--ros-args`` for the node ``role``."""

@@ -96,17 +96,14 @@ def main() -> int:
     """Serve the request on standard input; a child continues as its own command."""
     allow_warnings()  # before anything else is imported
     from flexarm_ros import scenario
-    from flexarm_ros.core.run.warmup import warm_up
-    from flexarm_ros.wire.fused_step import warm_up_steps
+    from flexarm_ros.wire.fused_step import warm_up_nodes
 
     request = json.load(sys.stdin)
     show_command(sys.orig_argv)  # if this fails, nothing is forked
     for name in request['modules']:
         import_module(name)
     if request['scenario']:
-        config = scenario.load(request['scenario'], [])
-        warm_up(config)
-        warm_up_steps(config)
+        warm_up_nodes(scenario.load(request['scenario'], []))
     gc.collect()
     gc.freeze()  # imported objects are shared: a collection that visits them would copy them
     gate, opener = os.pipe()

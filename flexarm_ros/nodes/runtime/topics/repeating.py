@@ -59,7 +59,7 @@ class RepeatingInput(Input):
         except ValueError:
             return []
         skipped, rest = divmod(stamp - due, self._period_ns)
-        last = self._last or (0.0,) * len(codec.fields)
+        last = self._last or self.topic.nothing
         self._last = values
         if rest or not 0 < skipped <= self._most_skipped:
             return []
