@@ -48,6 +48,11 @@ def add_parser(make: Any) -> None:
         'before it (default: all data from rest)',
     )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print JSON instead of a table')
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR',
+        help='write pictures of measured, predicted and residual, with their spectra, and '
+        'prediction.html with everything into DIR, which must be empty',
+    )  # fmt: skip
 
 
 def add_data_options(parser: argparse.ArgumentParser) -> None:
@@ -85,11 +90,13 @@ def positive(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Print the comparison; return 0, or 1 if the prediction diverges."""
+    from flexarm_ros.cli.options.output import new_directory
     from flexarm_ros.identification.prediction.predict import predict, ringing_of
     from flexarm_ros.identification.recording import read
     from flexarm_ros.identification.setting import load_setting
     import numpy as np
 
+    out = args.out and new_directory(args.out, '')
     setting = load_setting(args.scenario, args.overrides)
     recording = read(Path(args.data))
     say_notes('predict', recording)
@@ -106,13 +113,18 @@ def run(args: argparse.Namespace) -> int:
         ring = {'measured': list(map(asdict, measured)), 'predicted': list(map(asdict, predicted))}
         context = {**_context(prediction), 'ringing': ring}
         print(json.dumps({'channels': finite(prediction.numbers), **finite(context)}))
-        return 1 if diverged else 0
-    print_table(prediction.numbers, _title(prediction))
-    for one, other in zip(measured, predicted, strict=False):
-        print(
-            f'rings at {one.frequency:.3f} Hz, damping {one.damping:.4f}; predicted '
-            f'{other.frequency:.3f} Hz, {other.damping:.4f}'
-        )
+    else:
+        print_table(prediction.numbers, _title(prediction))
+        for one, other in zip(measured, predicted, strict=False):
+            print(
+                f'rings at {one.frequency:.3f} Hz, damping {one.damping:.4f}; predicted '
+                f'{other.frequency:.3f} Hz, {other.damping:.4f}'
+            )
+    if out:
+        from flexarm_ros.identification.report.store import write_prediction
+
+        files = write_prediction(prediction, (measured, predicted), out)
+        print(*files, sep='\n', file=sys.stderr if args.json else sys.stdout)
     return 1 if diverged else 0
 
 

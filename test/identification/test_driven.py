@@ -26,6 +26,7 @@ from typing import Any
 from armtools import ARM, PERIOD
 import flexarm_ros.cli as cli
 from flexarm_ros.core.arm.full.plant import FullPlant
+from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.identification.estimate.fitting import fit, prepare
 from flexarm_ros.identification.estimate.statistics import estimate
 from flexarm_ros.identification.prediction.predict import predict
@@ -46,6 +47,12 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def tip_of(plant: FullPlant, arm: Path) -> tuple[float, float]:
+    """Return the tip of the bent arm, m, from the shapes of the links."""
+    keys = load_setting(arm).config.plant
+    return make_point(keys, sum(keys.spans), elastic=True)(plant.q, plant.qd)[:2]
+
+
 def flight(
     arm: Path, seconds: float = 4.0, overrides: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
@@ -55,15 +62,15 @@ def flight(
     for k in range(round(seconds / PERIOD)):
         t = k * PERIOD
         ends = plant.deflections()
-        rows.append([t, *plant.q[:2], ends[0] / 0.202, ends[1] / 0.20185])
+        rows.append([t, *plant.q[:2], ends[0] / 0.202, ends[1] / 0.20185, *tip_of(plant, arm)])
         goal = (0.4 if t % 2.0 < 1.0 else -0.4, 0.3 if (t + 0.5) % 1.6 < 0.8 else -0.3)
         torque = [
             gain * (goal[i] - plant.q[i]) - damp * plant.qd[i]
             for i, (gain, damp) in enumerate(((15.0, 3.0), (2.0, 0.15)))
         ]
         plant.step(*torque)
-    t, theta1, theta2, angle1, angle2 = np.array(rows).T
-    return {'t': t, 'theta1': theta1, 'theta2': theta2, 'angle1': angle1, 'angle2': angle2}
+    names = ('t', 'theta1', 'theta2', 'angle1', 'angle2', 'tip_x', 'tip_y')
+    return dict(zip(names, np.array(rows).T, strict=True))
 
 
 @pytest.fixture(scope='module')
@@ -202,7 +209,8 @@ def test_a_prediction_that_diverges_is_told(
     columns = gauged(ideal)
     columns['theta1_deg'] = 1e6 * columns['theta1_deg']
     words = ['predict', str(written(tmp_path / 'x.csv', columns)), '--scenario', str(arm)]
-    assert cli.main(words) == 1
+    assert cli.main([*words, '--out', str(tmp_path / 'out')]) == 1
+    assert (tmp_path / 'out' / 'prediction.html').is_file()
     assert 'strain1: the prediction diverges' in capsys.readouterr().err
 
 
@@ -223,6 +231,30 @@ def test_the_driven_arm_is_the_plant(
     found = predict(recording, load_setting(arm)).numbers
     assert found['strain1']['fit'] > 99.7
     assert found['strain2']['fit'] > 99.7
+
+
+def test_the_tip_of_the_driven_arm_is_the_plants(
+    arm: Path, ideal: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    """From the joint angles alone: a recording with a camera on the tip and no gauges."""
+    tip = {f'tip_{axis}_mm': 1e3 * ideal[f'tip_{axis}'] for axis in 'xy'}
+    angles = {f'theta{i}_rad': ideal[f'theta{i}'] for i in (1, 2)}
+    recording = read(written(tmp_path / 'x.csv', {'t_s': ideal['t'], **angles, **tip}))
+    setting = load_setting(arm)
+    found = predict(recording, setting)
+    assert list(found.channels) == ['tip_x', 'tip_y']
+    stiff = setting.with_numbers({'plant.flexural_rigidity.1': 1e3})
+    rigid = predict(recording, stiff)
+    for name in ('tip_x', 'tip_y'):
+        assert found.channels[name].rms < 1e-4  # angles are linear between samples
+        assert rigid.channels[name].rms > 1e-3
+    assert found.channels['tip_y'].fit > 99.9
+    # The loads of link 2 and payload also follow from the tip alone.
+    keys = ('plant.flexural_rigidity', 'plant.link_end_mass')
+    changed = ['plant.flexural_rigidity=[1.9, 0.2]', 'plant.link_end_mass=1.5']
+    again = fitted(tmp_path / 'x.csv', arm, free=keys, overrides=changed, window=None)
+    for key, row in again.parameters.items():
+        assert row['value'] == pytest.approx(setting.number(key), rel=0.01)
 
 
 def test_a_window_starts_from_the_past_alone(arm: Path, noisy: Path) -> None:
@@ -457,8 +489,18 @@ def test_the_commands(
     assert cli.main(words) == 0
     channels = json.loads(capsys.readouterr().out)['channels']
     assert channels['strain1']['fit'] == pytest.approx(found['channels']['strain1']['fit'])
-    assert cli.main(['predict', str(noisy), '--scenario', fitted_arm]) == 0
-    assert 'strain2' in capsys.readouterr().out
+    out = tmp_path / 'predicted'
+    assert cli.main(['predict', str(noisy), '--scenario', fitted_arm, '--out', str(out)]) == 0
+    told = capsys.readouterr().out
+    assert 'strain2' in told
+    page = (out / 'prediction.html').read_text()
+    assert page.count('data:image/png') == 1
+    assert 'strain2' in page
+    for name in ('prediction.html', 'pictures/prediction.png', 'pictures/prediction.svg'):
+        assert (out / name).stat().st_size
+        assert f'{out / name}\n' in told
+    assert cli.main(['predict', str(noisy), '--scenario', fitted_arm, '--out', str(out)]) == 2
+    assert 'exists already' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

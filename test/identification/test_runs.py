@@ -20,6 +20,7 @@ from pathlib import Path
 
 import flexarm_ros.cli as cli
 from flexarm_ros.identification.estimate.fitting import fit, prepare
+from flexarm_ros.identification.prediction.predict import predict
 from flexarm_ros.identification.recording import read
 from flexarm_ros.identification.setting import load_setting, text_of
 from mcap.reader import make_reader
@@ -59,6 +60,13 @@ def foreign(run: Path) -> Path:
             if schema is not None
         ]
     return write_mcap(run.parent / 'foreign' / 'foreign_0.mcap', messages)
+
+
+@pytest.mark.parametrize('mode', ['driven', 'torque'])
+def test_the_tip_of_a_run_is_predicted(arm: Path, run: Path, mode: str) -> None:
+    found = predict(read(run), load_setting(arm), mode).channels
+    for name in ('tip_x', 'tip_y'):
+        assert found[name].rms < 2e-4
 
 
 @pytest.mark.parametrize('source', ['run', 'bag', 'foreign'])

@@ -30,8 +30,8 @@ from flexarm_ros.core.sensing.lowpass import follow
 from flexarm_ros.identification.model.driven_motion import IntArray, pass_low, sense
 import numpy as np
 
-STRAIN, ANGLE, RATE = 0, 2, 4
-"""First columns of the outputs: gauge signals, joint angles, joint rates."""
+STRAIN, ANGLE, RATE, ELASTIC = 0, 2, 4, 6
+"""First columns of the outputs: gauge signals, joint angles, joint rates, elastic coordinates."""
 
 
 @compiled
@@ -58,7 +58,8 @@ def flown(
     Predict samples ``first`` to ``last`` (excluded) from the state ``start``, (2n + 4,).
 
     ``torques`` (rows, 2): joint torques held from each sample to the next, N m.  ``outputs``
-    (rows, 6): the gauges' signals, the joint angles (rad) and their rates.
+    (rows, 4 + n): the gauges' signals, the joint angles (rad) and their rates, and the elastic
+    coordinates.
 
     ``law`` (2, 8): of each joint the gains on the error of its angle, on deflection, rate and
     deflection rate; limit (0: none), torque per command, resolution of the encoder (rad, 0: none)
@@ -85,6 +86,7 @@ def flown(
         sense(shapes, gauges, pos, state, before, outputs[k])
         for i in range(2):
             outputs[k, ANGLE + i], outputs[k, RATE + i] = pos[i], vel[i]
+        outputs[k, ELASTIC:] = pos[2:n]
         if k == last - 1:
             break
         if law.shape[0] > 0:

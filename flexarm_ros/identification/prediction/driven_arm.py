@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Predictions of the strains of an arm whose joints move as measured."""
+"""Predictions of the strains and the tip of an arm whose joints move as measured."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from flexarm_ros.identification.model.arm_model import (
     observer_gain,
 )
 from flexarm_ros.identification.model.driven_motion import driven
+from flexarm_ros.identification.model.tip import tip_path
 from flexarm_ros.identification.recording import moved, Recording
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError
@@ -37,6 +38,9 @@ from numpy.typing import NDArray
 BoolArray = NDArray[np.bool_]
 NOISE_TIME = 1.0
 """Time from which the noise of a gauge is estimated, s."""
+
+TIP = ('tip_x', 'tip_y')
+"""Channels of the elastic tip in ``base``, m, without delay."""
 
 _NO_ROWS = np.zeros((0, 0))
 
@@ -66,12 +70,14 @@ def prepare_driven(recording: Recording, setting: Setting) -> DrivenData:
     """
     Return the joint angles and strains of a recording; strains moved by the gauges' latency.
 
-    Raises ScenarioError if joint angles or both strains are missing.
+    Raises ScenarioError if joint angles are missing, or strains and tip.
     """
     check_model(setting)
     names = tuple(name for name in ('strain1', 'strain2') if name in recording.channels)
-    if not names:
-        raise ScenarioError(f'{recording.name}: no channel strain1 or strain2 to predict')
+    if not names and not any(name in recording.channels for name in TIP):
+        raise ScenarioError(
+            f'{recording.name}: no channel strain1, strain2, {" or ".join(TIP)} to predict'
+        )
     angles = recording.pair('theta{}')
     recording = moved(recording, dict.fromkeys(names, setting.gauge.latency))
     measured = np.zeros_like(angles)
@@ -180,12 +186,16 @@ def predict_driven(
     zero: float | None,
     gain: FloatArray | None = None,
 ) -> tuple[FloatArray, ArmModel]:
-    """Return the predicted strains, (n, 2), and the model, with the offsets that were used."""
+    """
+    Return the prediction, (n, 4), and the model, with the offsets that were used.
+
+    Columns: strains, and the tip's x and y in ``base``, m.
+    """
     model = make_model(setting, data.recording.period, data.kinds)
     angles = true_angles(data, setting)
     if zero is not None:
         model = zeroed(data, model, angles, zero)
-    outputs = np.zeros((len(angles), 2))
+    outputs, states = np.zeros((len(angles), 2)), np.zeros((len(angles), model.size))
     none = np.zeros((model.size, 0))
     if window is None:
         starts, length = rest_state(data, model, angles)[None], len(angles)
@@ -195,5 +205,6 @@ def predict_driven(
     for number, start in enumerate(starts):
         first = number * length
         last = min(first + length, len(angles))
-        _drive(data, model, angles, first, last, start, none, outputs, _NO_ROWS)
-    return outputs, model
+        _drive(data, model, angles, first, last, start, none, outputs, states)
+    elastic = states[:, : model.coordinates]
+    return np.hstack([outputs, tip_path(model.plant, angles, elastic)]), model

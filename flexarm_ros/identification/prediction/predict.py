@@ -26,6 +26,7 @@ from flexarm_ros.identification.prediction.driven_arm import (
     BoolArray,
     predict_driven,
     prepare_driven,
+    TIP,
 )
 from flexarm_ros.identification.prediction.modes import MODES
 from flexarm_ros.identification.prediction.ringing import Mode, quiet_spans, ringing
@@ -148,6 +149,12 @@ def predict(
     if mode != 'driven':
         length = len(outputs) if window is None else max(1, round(window / recording.period))
         channels.update(_joint_channels(recording, data.raw_angles, outputs, length))
+    whole = np.ones(len(outputs), dtype=bool)
+    channels.update(
+        (name, Channel(recording.channels[name], outputs[:, place], whole))
+        for place, name in ((-2, TIP[0]), (-1, TIP[1]))
+        if name in recording.channels
+    )
     offsets = {}
     if zero is not None:
         offsets = {name: float(model.gauges[int(name[-1]) - 1, BIAS]) for name in data.names}
@@ -160,11 +167,13 @@ def ringing_of(
     """
     Return the modes that ring while the joints are at rest, measured and predicted.
 
-    Predicted is the whole recording, driven by the measured joint angles.
+    Predicted is the whole recording, driven by the measured joint angles.  From the strains, or
+    from the tip where no strain was recorded.
     """
     found = predict(recording, setting, 'driven', None, zero)
     rates = centred_rates(recording.pair('theta{}'), recording.period)
-    channels = list(found.channels.values())
+    strains = [channel for name, channel in found.channels.items() if name not in TIP]
+    channels = strains or list(found.channels.values())
     first = max(int(np.argmax(channel.valid)) for channel in channels)
     spans = quiet_spans(rates, recording.period, first)
     measured = [channel.measured for channel in channels]

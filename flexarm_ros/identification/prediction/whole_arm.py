@@ -26,7 +26,8 @@ from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
 from flexarm_ros.core.sensing.lowpass import lowpass_step
 from flexarm_ros.identification.model.arm_model import ArmModel, make_model
-from flexarm_ros.identification.model.arm_motion import ANGLE, flown, RATE, STRAIN
+from flexarm_ros.identification.model.arm_motion import ANGLE, ELASTIC, flown, RATE, STRAIN
+from flexarm_ros.identification.model.tip import tip_path
 from flexarm_ros.identification.prediction.driven_arm import (
     driven_states,
     DrivenData,
@@ -171,7 +172,7 @@ def predict_torque(
     closed: bool = False,
 ) -> tuple[FloatArray, ArmModel]:  # fmt: skip
     """
-    Return strains, angles and rates, (n, 6), and the model, as for `predict_driven`.
+    Return strains, angles, rates and tip, (n, 8), and the model, as for `predict_driven`.
 
     ``closed``: the scenario's law closes the loop; otherwise the torques are as measured.
     """
@@ -192,16 +193,17 @@ def predict_torque(
     else:
         states = driven_states(data, model, angles)[::length]
     rates = past_rates(angles, model.period)[::length]
-    outputs = np.zeros((rows, 6))
+    outputs = np.zeros((rows, ELASTIC + size))
     for number, state in enumerate(states):
         first = number * length
         start = np.concatenate(
             [angles[first], state[:size], rates[number], state[size : 2 * size], state[2 * size :]]
         )
         fly(flight, torques, data, first, min(first + length, rows), start, outputs, loop)
-    offset = np.array(setting.config.encoder.offset)
-    outputs[:, ANGLE : ANGLE + 2] += offset
-    return outputs, model
+    turned = np.ascontiguousarray(outputs[:, ANGLE : ANGLE + 2])
+    tip = tip_path(model.plant, turned, outputs[:, ELASTIC:])
+    outputs[:, ANGLE : ANGLE + 2] += np.array(setting.config.encoder.offset)
+    return np.hstack([outputs[:, :ELASTIC], tip]), model
 
 
 def fly(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The page of a fit: parameters, fits, warnings and pictures in one HTML file."""
+"""The pages of a fit and of a prediction: numbers, warnings and pictures in one HTML file."""
 
 from __future__ import annotations
 
@@ -23,34 +23,79 @@ import math
 from pathlib import Path
 
 from flexarm_ros.identification.estimate.fitting import Fit
-from flexarm_ros.identification.prediction.predict import Channel
+from flexarm_ros.identification.prediction.predict import Channel, Prediction
+from flexarm_ros.identification.prediction.ringing import Mode
 from flexarm_ros.identification.setting import spec_of
 
 STYLE = (
     'body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}'
     'table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px '
     'solid #ddd;text-align:right}td:first-child,th:first-child,td:last-child{text-align:left}'
-    'img{max-width:100%}.warning{color:#a33}'
+    '.wide{overflow-x:auto}img{max-width:100%}.warning{color:#a33}'
 )
 
 
-def page(fit: Fit, pictures: Sequence[Path]) -> str:
-    """Return the page as text, with the PNG files of the pictures embedded."""
+def fit_page(fit: Fit, pictures: Sequence[Path]) -> str:
+    """Return the page of a fit as text, with the PNG files of the pictures embedded."""
     names = ', '.join(Path(task.recording.name).name for task in fit.problem.tasks)
     parts = [
-        f'<h1>Fit of {escape(names)}</h1>',
         f'<p>Mode {fit.problem.mode}, {_length(fit.problem.window)}.</p>',
         *(f'<p class="warning">{escape(text)}</p>' for text in fit.warnings),
         _parameters(fit),
         _channels('Fitted', fit.channels),
         _channels('Hold-out, not fitted', fit.held_out) if fit.held_out else '',
-        *map(_picture, pictures),
     ]
+    return _page('fit', f'Fit of {names}', parts, pictures)
+
+
+def prediction_page(
+    prediction: Prediction, rings: tuple[Sequence[Mode], Sequence[Mode]], pictures: Sequence[Path]
+) -> str:
+    """
+    Return the page of a prediction as text, with the PNG files of the pictures embedded.
+
+    ``rings``: the modes that ring at rest, measured and predicted.
+    """
+    name = Path(prediction.recording.name).name
+    offsets = ', '.join(f'{key} {value:.4g}' for key, value in prediction.offsets.items())
+    parts = [
+        f'<p>Mode {prediction.mode}, {_length(prediction.window)}.</p>',
+        *(f'<p class="warning">{escape(note)}</p>' for note in prediction.recording.notes),
+        f'<p>Offsets taken from the recording: {escape(offsets)}.</p>' if offsets else '',
+        _channels('Measured and predicted', prediction.channels),
+        _ringing(*rings),
+    ]
+    return _page('predict', f'Prediction of {name}', parts, pictures)
+
+
+def _page(command: str, title: str, parts: Sequence[str], pictures: Sequence[Path]) -> str:
     return (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-        f'<title>flexarm fit: {escape(names)}</title><style>{STYLE}</style></head><body>'
-        f'{"".join(parts)}</body></html>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<title>flexarm {command}: {escape(title)}</title><style>{STYLE}</style></head><body>'
+        f'<h1>{escape(title)}</h1>{"".join(parts)}{"".join(map(_picture, pictures))}'
+        '</body></html>\n'
     )
+
+
+def _ringing(measured: Sequence[Mode], predicted: Sequence[Mode]) -> str:
+    rows = [
+        f'<tr><td>{number}</td><td>{one.frequency:.3f}</td><td>{other.frequency:.3f}</td>'
+        f'<td>{one.damping:.4f}</td><td>{other.damping:.4f}</td></tr>'
+        for number, (one, other) in enumerate(zip(measured, predicted, strict=False), start=1)
+    ]
+    if not rows:
+        return ''
+    titles = (
+        'mode', 'measured, Hz', 'predicted, Hz', 'measured damping ratio',
+        'predicted damping ratio',
+    )  # fmt: skip
+    return _table('Ringing while the joints rest', titles, rows)
+
+
+def _table(title: str, titles: Sequence[str], rows: Sequence[str]) -> str:
+    head = ''.join(f'<th>{text}</th>' for text in titles)
+    return f'<h2>{title}</h2><div class="wide"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
 
 
 def _length(window: float | None) -> str:
@@ -66,8 +111,7 @@ def _parameters(fit: Fit) -> str:
             f'<td>{row["start"]:.5g}</td><td>{escape(spec_of(key).unit)}</td>'
             f'<td>{row["status"]}</td></tr>'
         )
-    head = ''.join(f'<th>{t}</th>' for t in ('key', 'value', 'std', 'start', 'unit', 'status'))
-    return f'<table><tr>{head}</tr>{"".join(rows)}</table>'
+    return _table('Parameters', ('key', 'value', 'std', 'start', 'unit', 'status'), rows)
 
 
 def _channels(title: str, channels: Mapping[str, Channel]) -> str:
@@ -78,8 +122,7 @@ def _channels(title: str, channels: Mapping[str, Channel]) -> str:
             for value in channel.numbers().values()
         )
         rows.append(f'<tr><td>{name}</td>{"".join(f"<td>{cell}</td>" for cell in cells)}</tr>')
-    head = ''.join(f'<th>{t}</th>' for t in ('channel', 'fit, %', 'vaf, %', 'rms, SI'))
-    return f'<h2>{title}</h2><table><tr>{head}</tr>{"".join(rows)}</table>'
+    return _table(title, ('channel', 'fit, %', 'vaf, %', 'rms, SI'), rows)
 
 
 def _picture(path: Path) -> str:

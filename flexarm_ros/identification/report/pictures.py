@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_ros.analysis.figures.style import BLACK, BLUE, drawing, GREY, new_figure, ORANGE, save
+from flexarm_ros.identification.prediction.driven_arm import TIP
 from flexarm_ros.identification.prediction.predict import Channel, Prediction
 import numpy as np
 from scipy.signal import welch
@@ -73,9 +74,11 @@ def _spectra(axis: object, channel: Channel, period: float) -> None:
     first = int(np.argmax(channel.valid))
     measured, predicted = channel.measured[first:], channel.predicted[first:]
     length = min(len(measured), round(8.0 / period))
-    for values, color, width in (
+    finite = bool(np.isfinite(predicted).all())  # False: the prediction diverges
+    drawn = [
         (measured, BLACK, 1.6), (predicted, ORANGE, 1.0), (measured - predicted, GREY, 0.7),
-    ):  # fmt: skip
+    ]  # fmt: skip
+    for values, color, width in drawn if finite else drawn[:1]:
         frequency, power = welch(values, 1.0 / period, nperseg=length, detrend='linear')
         shown = (frequency > 0.2) & (frequency < 15.0)
         axis.semilogy(frequency[shown], np.sqrt(power[shown]) + 1e-12, color=color, lw=width)
@@ -86,6 +89,8 @@ def _spectra(axis: object, channel: Channel, period: float) -> None:
 def _unit(prediction: Prediction, name: str) -> tuple[float, str]:
     """Return the factor from SI to what is drawn, and its unit."""
     kind = prediction.recording.strain_units.get(name, 'angle')
+    if name in TIP:
+        return 1.0, 'm'
     if name.startswith('strain') and kind != 'angle':
         return 1.0, '' if kind == 'strain' else 'm'
     return DEGREES, 'deg/s' if name.endswith('_rate') else 'deg'

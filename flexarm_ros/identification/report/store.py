@@ -12,16 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The files of a fit: ``fit.json``, ``fitted.yaml``, pictures and a page."""
+"""The files of a fit (``fit.json``, ``fitted.yaml``) and of a prediction: pictures, a page."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import json
 from pathlib import Path
 from typing import Any
 
 from flexarm_ros.bag.mcap.files import naming
 from flexarm_ros.identification.estimate.fitting import Fit
+from flexarm_ros.identification.prediction.predict import Prediction
+from flexarm_ros.identification.prediction.ringing import Mode
 from flexarm_ros.identification.setting import text_of
 
 
@@ -33,15 +36,31 @@ def write(fit: Fit, out: Path, pictures: bool = True) -> list[Path]:
         _text(out / 'fitted.yaml', f'# {_source(fit)}\n{text_of(fit.setting)}'),
     ]
     if pictures:
-        from flexarm_ros.identification.report.page import page
+        from flexarm_ros.identification.report.page import fit_page
         from flexarm_ros.identification.report.pictures import write_pictures
 
         named = [(f'fitted_{i + 1}', found) for i, found in enumerate(fit.predictions)]
         named += [(f'held_out_{i + 1}', found) for i, found in enumerate(fit.others)]
         drawn = write_pictures(named, out / 'pictures')
         shown = [path for path in drawn if path.suffix == '.png']
-        files += [_text(out / 'fit.html', page(fit, shown)), *drawn]
+        files += [_text(out / 'fit.html', fit_page(fit, shown)), *drawn]
     return files
+
+
+def write_prediction(
+    prediction: Prediction, rings: tuple[Sequence[Mode], Sequence[Mode]], out: Path
+) -> list[Path]:
+    """
+    Write ``prediction.html`` and its pictures into the directory ``out``; return their paths.
+
+    ``rings``: the modes that ring at rest, measured and predicted.
+    """
+    from flexarm_ros.identification.report.page import prediction_page
+    from flexarm_ros.identification.report.pictures import write_pictures
+
+    drawn = write_pictures([('prediction', prediction)], out / 'pictures')
+    shown = [path for path in drawn if path.suffix == '.png']
+    return [_text(out / 'prediction.html', prediction_page(prediction, rings, shown)), *drawn]
 
 
 def _source(fit: Fit) -> str:
