@@ -59,15 +59,16 @@ def prediction_figure(prediction: Prediction) -> Figure:
         axis.plot(t, scale * residual[shown], color=GREY, lw=0.7, label='residual')
         axis.set_ylabel(f'{name}, {unit}')
         axis.set_title('' if channel.fit is None else f'fit {channel.fit:.1f} %', loc='right')
-        _spectra(spectra, channel, period)
-    axes[0][0].legend(loc='upper left', ncols=3)
+        _spectra(spectra, channel, period, scale)
+        spectra.set_title(f'{unit}/$\\sqrt{{\\mathrm{{Hz}}}}$', loc='right')
+    axes[0][0].legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3)
     axes[-1][0].set_xlabel('t, s')
     axes[-1][1].set_xlabel('Hz')
     figure.suptitle(_title(prediction), fontsize=10.0)
     return figure
 
 
-def _spectra(axis: object, channel: Channel, period: float) -> None:
+def _spectra(axis: object, channel: Channel, period: float, scale: float) -> None:
     from matplotlib.axes import Axes
 
     assert isinstance(axis, Axes)
@@ -81,7 +82,8 @@ def _spectra(axis: object, channel: Channel, period: float) -> None:
     for values, color, width in drawn if finite else drawn[:1]:
         frequency, power = welch(values, 1.0 / period, nperseg=length, detrend='linear')
         shown = (frequency > 0.2) & (frequency < 15.0)
-        axis.semilogy(frequency[shown], np.sqrt(power[shown]) + 1e-12, color=color, lw=width)
+        density = scale * np.sqrt(power[shown]) + 1e-12
+        axis.semilogy(frequency[shown], density, color=color, lw=width)
     axis.set_xlim(0.0, 15.0)
     axis.tick_params(labelcolor=BLUE if channel.fit is None else BLACK)
 
