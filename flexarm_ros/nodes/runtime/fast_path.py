@@ -16,8 +16,8 @@
 The fast path of a node: its messages into the buffers of its fused step.
 
 It serves a node that has a process of its own, a step (`flexarm_ros.wire.fused_step`) and inputs
-from participants of the run whose messages identify their publisher (`Input.plain`).  Whatever is
-not as it should be is given back to the inputs, which then treat it as if it had just arrived.
+whose messages have sequence numbers (`Input.plain`).  Whatever is not as it should be is given
+back to the inputs, which then treat it as if it had just arrived.
 """
 
 from __future__ import annotations

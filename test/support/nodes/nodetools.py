@@ -35,6 +35,8 @@ from flexarm_ros.core.run.parts import PARTS, roles
 from repository import ROOT
 
 ROLES = roles(RunConfig())
+NUMBERED = 'unnumbered' not in os.environ.get('FLEXARM_TEST_MESSAGE_INFO', '')
+"""Whether messages have sequence numbers, without which no node is on the fast path."""
 EXECUTABLES = {*(part.NAME for part in PARTS), 'node', 'player', 'viewer'}
 
 

@@ -195,10 +195,10 @@ class Input:
         """
         Whether `read_into` may read the next message.
 
-        The publisher must be a participant of the run that the messages identify, from whom the
-        last message has arrived.
+        The publisher's last message must have arrived, with its sequence number.  Where messages
+        do not identify their publisher, the number alone must be right, as in `_in_sequence`.
         """
-        known = self.accepted and not self._unnamed and self._sequence is not None
+        known = (self._unnamed or self.accepted) and self._sequence is not None
         return bool(known) and not (self.near or self._rising or self._gap or self._returned)
 
     def read_into(self, buffer: memoryview) -> bool | None:
@@ -215,7 +215,7 @@ class Input:
         number = self._sequence + 1  # type: ignore[operator]
         if (
             info['publication_sequence_number'] != number
-            or info['publisher_gid']['data'][:16] != self.accepted
+            or not (self._unnamed or info['publisher_gid']['data'][:16] == self.accepted)
             or len(data) != len(buffer)
         ):
             self._returned.append(taken)
@@ -365,12 +365,12 @@ class Input:
     def _take_plain(self, most: int, taken: list[bytes]) -> None:
         """Do the same as `_take_block`, until a message is not the publisher's next one."""
         take, kind, sender, number = self._take, self._type, self.accepted, self._sequence
+        unnamed = self._unnamed
         assert number is not None
         while len(taken) < most and (found := take(kind, True)) is not None:
             data, info = found
-            if (
-                info['publication_sequence_number'] != number + 1
-                or info['publisher_gid']['data'][:16] != sender
+            if info['publication_sequence_number'] != number + 1 or not (
+                unnamed or info['publisher_gid']['data'][:16] == sender
             ):
                 self._returned.append(found)
                 break
