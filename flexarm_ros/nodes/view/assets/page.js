@@ -225,7 +225,8 @@ byId("step").addEventListener("click", () => command({ action: "step" }));
 byId("reset").addEventListener("click", () => command({ action: "reset" }));
 byId("speed").addEventListener("change", () => { if (!view.recorded) command({ action: "set", node: "plant", key: "real_time_factor", value: Number(byId("speed").value) }); });
 byId("scrub").addEventListener("input", () => { view.playing = false; view.at = view.recorded[Number(byId("scrub").value)].t - view.recorded[0].t; });
-addEventListener("resize", () => { for (const { chart, div } of view.plots) chart.setSize({ width: div.clientWidth, height: 120 }); view.stale = true; });
+// Not on "resize" alone: the list of parameters brings a scroll bar, which narrows the page.
+new ResizeObserver(() => { for (const { chart, div } of view.plots) chart.setSize({ width: div.clientWidth, height: 120 }); view.stale = true; }).observe(byId("plots"));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { view.plots = []; view.stale = true; });
 
 const stream = new EventSource("events");
