@@ -136,6 +136,7 @@ class PlantNode(Participant):
         if PAYLOAD in self.inputs:
             plant.disturb(0.0, 0.0, self.config.plant.payload_mass + 1.0)
         plant.step(0.0, 0.0)
+        instability(plant)
 
     def check_start(self, now: float) -> None:
         """Start when every participant is ready."""

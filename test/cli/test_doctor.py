@@ -19,6 +19,7 @@ import errno
 import gc
 import json
 import os
+import sys
 
 from flexarm_ros.cli import main
 from flexarm_ros.nodes.realtime import system
@@ -51,9 +52,10 @@ def test_the_bare_loop_never_wakes_early() -> None:
 
 @pytest.fixture
 def collector(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep this process's garbage collector as it is."""
+    """Keep this process's garbage collector and its threads' turns as they are."""
     for name in ('freeze', 'disable'):
         monkeypatch.setattr(gc, name, lambda: None)
+    monkeypatch.setattr(sys, 'setswitchinterval', lambda _: None)
 
 
 def test_what_is_refused_is_said(collector: None, monkeypatch: pytest.MonkeyPatch) -> None:

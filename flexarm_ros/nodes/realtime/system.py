@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Requests to Linux for steady timing: priority, CPU, locked memory, garbage collector.
+Requests for steady timing: priority, CPU, locked memory; garbage collector, turns of threads.
 
 Each request is made if it is allowed, and reported in any case; a run needs none of them.
 Scheduling applies to one thread: `ask` leaves the other threads of the process, such as the
@@ -28,9 +28,13 @@ import ctypes
 import gc
 import os
 import resource
+import sys
 
 SYSTEM_KEYS = ('realtime_priority', 'realtime_cpu', 'lock_memory')
 """Parameters of the plant that `ask` takes, in the order of its arguments."""
+
+_SWITCH_S = 1e-5
+"""Time for which another Python thread keeps this one waiting, s; by default 5 ms."""
 
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _CAP_SYS_NICE, _CAP_IPC_LOCK = 23, 14
@@ -50,6 +54,7 @@ def ask(priority: int, cpu: int, lock: bool) -> list[str]:
         said.append(_ask_cpu(cpu))
     if lock:
         said.append(_ask_memory())
+    sys.setswitchinterval(_SWITCH_S)
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -130,14 +130,20 @@ class Participant(MemberNode):
         return '', ''
 
     def take_priority(self, priority: int) -> None:
-        """Once, request half the plant's ``priority`` for all threads, and report the answer."""
+        """
+        Once, request half the plant's ``priority`` for all threads, and report the answer.
+
+        In a process of several nodes that includes the recorder's thread: the others wait for it
+        while it holds Python's lock.
+        """
         behind = part_of(self.ROLE).FOR_THE_RECORD  # no tick waits for the recorder
-        if self._prioritised or not priority or not self.alone or behind:
+        if self._prioritised or not priority or behind:
             return
         self._prioritised = True
         said = ask_all_threads(max(1, priority // 2))
         self.get_logger().info(f'real time: {said}')
-        self.supervisor.report(self.ROLE, common=f'real time, nodes but the recorder: {said}')
+        nodes = 'nodes but the recorder' if self.alone else 'composed nodes'
+        self.supervisor.report(self.ROLE, common=f'real time, {nodes}: {said}')
 
     def check_end(self) -> None:
         """Leave the run if this node has completed its last tick."""
@@ -188,10 +194,11 @@ class Participant(MemberNode):
         """
         Return the handles to wait on: that of the missing input, or of the peers' status.
 
-        During a run the status is only polled: it would wake a node that does not read it.
+        During a run the status is only polled: it would wake a node that does not read it.  So
+        would the copies of messages that a node of this process passes directly.
         """
         if self._missing is not None and self.board.going:
-            return [self._missing.handle]
+            return [] if self._missing.near else [self._missing.handle]
         return [self.board.handle]
 
     def max_sleep_s(self, now: float) -> float:
