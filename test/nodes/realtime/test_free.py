@@ -19,13 +19,20 @@ import csv
 from itertools import pairwise
 import json
 from pathlib import Path
+import re
 import subprocess
 import sys
 from typing import Any
 
+from flexarm_ros import scenario
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.timing import read_timing
 from flexarm_ros.core.run.results.real_time import KEYS
+from flexarm_ros.core.timeline import Timeline
+from flexarm_ros.launcher.faults import FaultPlan
+from flexarm_ros.launcher.run import run_scenario, RunOptions
+from flexarm_ros.scenario.suites.suite import Fault
+from free_controller import STATES
 from nodetools import finish, flexarm, ROOT, start_node, wait_for, write_scenario
 import numpy as np
 import pytest
@@ -184,6 +191,30 @@ def test_a_silent_controller_ends_the_run_with_its_name(tmp_path: Path, ros_doma
     assert 'no torque on joint_command for 0.1 s' in done.stderr
     assert 'Traceback' not in done.stderr
     assert 'real_time' in json.loads((out / 'summary.json').read_text())
+
+
+def test_the_rest_is_recorded_after_a_controller_was_terminated(
+    tmp_path: Path, ros_domain: int
+) -> None:
+    """Of a recorder that is 10 ticks behind, stopped until the run has ended."""
+    config = scenario.load('pd_tip', [
+        'sync=free', 'trajectory.kind=hold', 'control_period=0.002', 'duration=4',
+        'plant.command_hold=30',
+    ])  # fmt: skip
+    controller = [sys.executable, str(LATE), 'dies']
+    stopped = Fault((STATES - 10) * config.run.control_period, 'recorder', 'delay', seconds=60)
+    outcome = run_scenario(
+        config, 'pd_tip', tmp_path / 'run', RunOptions(rtf=1.0, nodes={'controller': controller}),
+        faults=FaultPlan([stopped], Timeline.of(config.run)),
+    )  # fmt: skip
+    found = re.fullmatch(r'controller: tick (\d+): ended with exit status 0', outcome.problem)
+    assert found is not None, outcome.problem
+    ticks = outcome.summary['ticks']
+    assert STATES <= int(found[1]) <= ticks < 2000
+    assert not (tmp_path / 'run' / 'bag-damaged').exists()
+    verdict = verify(tmp_path / 'run')
+    assert verdict.same, verdict.first
+    assert verdict.ticks == ticks
 
 
 def test_what_the_wall_clock_cannot_hold_is_told(tmp_path: Path, ros_domain: int) -> None:

@@ -15,14 +15,15 @@
 A controller for tests of free-running runs: PD on the joints, and not always in time.
 
 The word after the script says how it fails: ``late``: it answers the newest state only, and takes
-4 ms longer now and then; ``dies``: it ends after 100 states; ``silent``: it goes on and says
-nothing after 100 states.
+4 ms longer now and then; ``dies``: it is ended by SIGTERM after 100 states; ``silent``: it goes on
+and says nothing after 100 states.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
 import random
+import signal
 import sys
 import threading
 from typing import Any
@@ -52,8 +53,8 @@ class Controller(Node):
         """Send the torque of a state."""
         self.states += 1
         if self.states > STATES and self.mode == 'dies':
-            raise ExternalShutdownException
-        if self.states > STATES and self.mode == 'silent':
+            signal.raise_signal(signal.SIGTERM)
+        if self.states > STATES and self.mode in ('dies', 'silent'):
             return
         if self.mode == 'late' and self.random.random() < 0.3:
             self.never.wait(0.004)
