@@ -24,6 +24,7 @@ import subprocess
 import sys
 from typing import Any
 
+from controller_manager import GOAL
 from flexarm_ros import scenario
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.timing import read_timing
@@ -215,6 +216,25 @@ def test_the_rest_is_recorded_after_a_controller_was_terminated(
     verdict = verify(tmp_path / 'run')
     assert verdict.same, verdict.first
     assert verdict.ticks == ticks
+
+
+def test_an_arm_is_commanded_as_ros2_control_would(tmp_path: Path, ros_domain: int) -> None:
+    """With the topics, QoS and stamps of its nodes, which are not among the wheels."""
+    out = tmp_path / 'run'
+    manager = f'{sys.executable} {SUPPORT / "nodes" / "controller_manager.py"}'
+    done = flexarm(
+        'run', 'pd_tip', *FREE, '--compose', '--set', 'control_period=0.005',
+        '--set', 'duration=2', '--set', 'plant.command_hold=30',
+        '--node', f'controller={manager}', '--out', out,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    counted(out)
+    verdict = verify(out)
+    assert verdict.same, verdict.first
+    with open(out / 'trajectory.csv', newline='') as file:
+        angles = np.array([(row['theta1'], row['theta2']) for row in csv.DictReader(file)], float)
+    error = np.abs(angles - GOAL)
+    assert (error[-1] < 0.5 * error[0]).all()
 
 
 def test_what_the_wall_clock_cannot_hold_is_told(tmp_path: Path, ros_domain: int) -> None:
