@@ -18,11 +18,28 @@ from __future__ import annotations
 
 from pathlib import Path
 import threading
+from typing import Any
 
+from flexarm_ros.bag.checks.verify import verify
 from nodetools import Asker, flexarm, flexarm_here, wait_for
 import pytest
 
 pytestmark = pytest.mark.nodes
+
+
+def caller(rclpy_node: Any, **kinds: Any) -> Any:
+    """Return a function that calls a service of the plant by its name, of the types ``kinds``."""
+    node, executor = rclpy_node
+    clients = {name: node.create_client(kind, f'/plant/{name}') for name, kind in kinds.items()}
+
+    def call(name: str, **request: object) -> Any:
+        assert clients[name].wait_for_service(60)
+        future = clients[name].call_async(kinds[name].Request(**request))
+        executor.spin_until_future_complete(future, timeout_sec=60)
+        assert future.done(), name
+        return future.result()
+
+    return call
 
 
 def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
@@ -30,16 +47,10 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
     from rcl_interfaces.srv import SetParameters
     from std_srvs.srv import SetBool, Trigger
 
-    node, executor = rclpy_node
-    kinds = {'pause': SetBool, 'step': Trigger, 'reset': Trigger, 'state': Trigger,
-             'set_parameters': SetParameters}  # fmt: skip
-    clients = {name: node.create_client(kind, f'/plant/{name}') for name, kind in kinds.items()}
-
-    def call(name: str, **request: object):
-        future = clients[name].call_async(kinds[name].Request(**request))
-        executor.spin_until_future_complete(future, timeout_sec=60)
-        assert future.done(), name
-        return future.result()
+    call = caller(
+        rclpy_node, pause=SetBool, step=Trigger, reset=Trigger, state=Trigger,
+        set_parameters=SetParameters,
+    )  # fmt: skip
 
     def tick() -> int:
         return int(call('state').message.split('tick ')[1].split(',')[0])
@@ -53,7 +64,6 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
     run = threading.Thread(target=lambda: done.append(flexarm(*words)))
     run.start()
     try:
-        assert clients['state'].wait_for_service(60)
         wait_for(lambda: tick() > 20, 60, 'the run has begun')
         assert not call('step').success  # not paused
         assert call('pause', data=True).success
@@ -65,7 +75,7 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
             assert call('step').success
         wait_for(paused, 60, 'the steps are done')
         assert tick() == held + 3
-        ask = Asker(node, executor)
+        ask = Asker(*rclpy_node)
         assert ask.assign('controller', 'kp', 80.0).successful
         assert ask.get('controller', 'kp') == 80.0
         assert call('reset').success
@@ -85,3 +95,27 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
     assert fresh.returncode == 0, fresh.stderr
     for file in ('bag/bag_0.mcap', 'trajectory.csv'):
         assert (tmp_path / 'run' / file).read_bytes() == (tmp_path / 'fresh' / file).read_bytes()
+
+
+def test_a_composed_free_run_is_reset(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
+    """Its recorder, on a thread of its own, begins again with the others."""
+    from std_srvs.srv import Trigger
+
+    call = caller(rclpy_node, reset=Trigger, state=Trigger)
+    done = []
+    words = ('run', 'pd_tip', '--compose', '--set', 'sync=free', '--set', 'trajectory.kind=hold',
+             '--set', 'control_period=0.005', '--set', 'duration=2', '--set',
+             'plant.command_hold=30', '--rtf', '1', '--no-pictures',
+             '--out', tmp_path / 'run')  # fmt: skip
+    run = threading.Thread(target=lambda: done.append(flexarm(*words)))
+    run.start()
+    try:
+        wait_for(lambda: 'running at tick 1' in call('state').message, 60, 'the run has begun')
+        assert call('reset').success
+    finally:
+        run.join(120)
+    assert done[0].returncode == 0, done[0].stderr
+    assert (tmp_path / 'run' / 'bag-before-reset-1' / 'metadata.yaml').exists()
+    verdict = verify(tmp_path / 'run')
+    assert verdict.same, verdict.first
+    assert verdict.ticks == 400
