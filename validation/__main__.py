@@ -41,9 +41,10 @@ PAGE = ROOT / 'docs' / 'validation.md'
 IMAGES = ROOT / 'docs' / 'images'
 GOALS = ROOT / 'docs' / 'data' / 'validation_goals.json'
 SECTIONS = (
-    'frequencies', 'bending', 'rotation', 'conservation', 'references', 'another_code',
+    'frequencies', 'bending', 'rotation', 'conservation', 'references', 'another_code', 'joints',
     'nonminimum_phase', 'delays', 'integrator',
 )  # fmt: skip
+WITH_EXUDYN = ('another_code', 'joints')
 
 
 def write(name: str, section: Section) -> None:
@@ -68,10 +69,8 @@ def main() -> int:
         parser.error(f'{unknown.pop()}: sections are {", ".join(SECTIONS)}')
     failed = False
     for name in chosen or SECTIONS:
-        if name == 'another_code' and importlib.util.find_spec('exudyn') is None:
-            print(
-                'Another code: exudyn is not installed (it has wheels for x86_64); left as it is'
-            )
+        if name in WITH_EXUDYN and importlib.util.find_spec('exudyn') is None:
+            print(f'{name}: exudyn is not installed (it has wheels for x86_64); left as it is')
             continue
         begin = time.monotonic()
         section: Section = importlib.import_module(f'validation.{name}').run()
