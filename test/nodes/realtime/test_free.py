@@ -24,7 +24,6 @@ import subprocess
 import sys
 from typing import Any
 
-from controller_manager import GOAL
 from flexarm_ros import scenario
 from flexarm_ros.bag.checks.verify import verify
 from flexarm_ros.bag.timing import read_timing
@@ -38,6 +37,7 @@ from nodetools import finish, flexarm, ROOT, start_node, wait_for, write_scenari
 import numpy as np
 import pytest
 from repository import SUPPORT
+from ros2_control import GOAL
 
 pytestmark = pytest.mark.nodes
 
@@ -221,7 +221,7 @@ def test_the_rest_is_recorded_after_a_controller_was_terminated(
 def test_an_arm_is_commanded_as_ros2_control_would(tmp_path: Path, ros_domain: int) -> None:
     """With the topics, QoS and stamps of its nodes, which are not among the wheels."""
     out = tmp_path / 'run'
-    manager = f'{sys.executable} {SUPPORT / "nodes" / "controller_manager.py"}'
+    manager = f'{sys.executable} {SUPPORT / "nodes" / "ros2_control.py"}'
     done = flexarm(
         'run', 'pd_tip', *FREE, '--compose', '--set', 'control_period=0.005',
         '--set', 'duration=2', '--set', 'plant.command_hold=30',
