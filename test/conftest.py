@@ -64,7 +64,7 @@ def fresh_processes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    if item.get_closest_marker('essential') and isinstance(item, pytest.Function):
+    if 'essential' in item.config.getoption('markexpr') and isinstance(item, pytest.Function):
         item.fixturenames.append('fresh_processes')
 
 

@@ -18,8 +18,8 @@ Processes of the tests that start in 20 ms: forks of one that has imported the p
 `QuickPopen` takes the place of ``subprocess.Popen`` in pytest.  ``python -m MODULE ...`` of the
 package's own modules, of this interpreter and in an environment that imports the same, is forked
 by `starttemplate`; it has a command line, environment, streams, directory and end of its own.
-Everything else, and every process of a test that is marked ``essential`` or uses the fixture
-``fresh_processes``, starts as it does for a user.
+Everything else, and every process of a test that uses the fixture ``fresh_processes``, starts as
+it does for a user; so do all where pytest is asked for the tests marked ``essential``.
 """
 
 from __future__ import annotations
