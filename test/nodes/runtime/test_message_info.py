@@ -236,8 +236,8 @@ def test_nodes_are_started_again_once(tmp_path: Path, monkeypatch: pytest.Monkey
     (tmp_path / 'apart').touch()
     monkeypatch.setenv('FLEXARM_TEST_APART', str(tmp_path / 'apart'))
     monkeypatch.setenv('PYTHONPATH', str(STANDIN.parent))
-    words = ('--set', 'duration=0.1', '--set', 'start_timeout=4', '--no-pictures', '--out')
+    words = ('--set', 'duration=0.1', '--set', 'start_timeout=2', '--no-pictures', '--out')
     done = flexarm('run', 'pd_tip', *words, tmp_path / 'run')
     assert done.returncode == 1
     assert done.stderr.count('starting the nodes again') == 1
-    assert done.stderr.count('is not connected within 4 s') == 2
+    assert done.stderr.count('is not connected within 2 s') == 2

@@ -40,7 +40,10 @@ from flexarm_ros.launcher.fork.parent import _subreaper
 from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, REPORT_FD
 
 Popen = subprocess.Popen
-ENTRY_POINTS = ('flexarm_ros.cli', 'flexarm_ros.nodes', 'flexarm_ros.launcher.fork.server')
+ENTRY_POINTS = (
+    'flexarm_ros.cli', 'flexarm_ros.nodes', 'flexarm_ros.launcher.fork.server',
+    'flexarm_ros.ros2_standin',
+)  # fmt: skip
 OWN = {ALIVE_FD, REPORT_FD, 'PYTHONPATH', 'PYTEST_CURRENT_TEST'}
 """Variables that a fork may have of its own, beside ROS's: they are read after the imports."""
 
