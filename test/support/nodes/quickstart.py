@@ -30,6 +30,7 @@ import fcntl
 from importlib.machinery import PathFinder
 import json
 import os
+from pathlib import Path
 import socket
 import subprocess
 import sys
@@ -42,8 +43,11 @@ from flexarm_ros.nodes.runtime.process.supervisor import ALIVE_FD, REPORT_FD
 Popen = subprocess.Popen
 ENTRY_POINTS = (
     'flexarm_ros.cli', 'flexarm_ros.nodes', 'flexarm_ros.launcher.fork.server',
-    'flexarm_ros.ros2_standin',
+    'flexarm_ros.ros2_standin', 'faulty_node',
 )  # fmt: skip
+FAULTY = str(Path(__file__).with_name('faulty_node.py'))
+"""A script of the tests that is forked as the module `faulty_node`."""
+
 OWN = {ALIVE_FD, REPORT_FD, 'PYTHONPATH', 'PYTEST_CURRENT_TEST'}
 """Variables that a fork may have of its own, beside ROS's: they are read after the imports."""
 
@@ -112,11 +116,12 @@ class QuickPopen(Popen):  # type: ignore[type-arg]
     ) -> None:  # fmt: skip
         pipes, (gid, gids, uid, umask) = more[:6], more[7:11]
         plain = [executable or args[0], preexec_fn, close_fds, shell, gid, gids, uid, umask]
+        words = _by_module(args)
         environment = dict(os.environ if env is None else env)
         files = {n: pipes[i] if pipes[i] != -1 else n for n, i in ((0, 0), (1, 3), (2, 5))}
         if (
             plain != [sys.executable, None, True, False, None, None, None, -1]
-            or not _of_ours(args)
+            or not _of_ours(words)
             or not self.template.fits(environment)
             or not all(_is_plain_file(held) for held in files.values())
         ):
@@ -126,13 +131,20 @@ class QuickPopen(Popen):  # type: ignore[type-arg]
             )  # type: ignore[misc]  # fmt: skip
         files.update((number, number) for number in pass_fds)
         request = {
-            'command': [os.fsdecode(word) for word in args], 'environment': environment,
+            'command': [os.fsdecode(word) for word in words], 'environment': environment,
             'directory': os.path.abspath(cwd or os.getcwd()), 'files': [*files],
         }  # fmt: skip
         self.pid = self.template.fork(request, [*files.values()])
         self._child_created = True
         self._close_pipe_fds(*pipes)  # type: ignore[attr-defined]
         return None
+
+
+def _by_module(words: Any) -> Any:
+    """Return the same command with ``-m MODULE`` in the place of the tests' own script."""
+    if isinstance(words, list) and words[1:2] == [FAULTY]:
+        return [words[0], '-m', 'faulty_node', *words[2:]]
+    return words
 
 
 def _of_ours(words: Any) -> bool:
