@@ -111,6 +111,7 @@ def test_installed_wheel_finds_its_scenarios(prefix: Path, tmp_path: Path) -> No
 
 
 def test_executables_run_on_the_python_of_their_prefix(prefix: Path, tmp_path: Path) -> None:
+    """Three of them: all are the same file, as test_env.py has it."""
     bad = tmp_path / 'bad.yaml'
     bad.write_text('/**:\n  ros__parameters:\n    no_such_key: 1\n')
     further = {'node': ['encoder']}  # `node` takes the role
@@ -127,7 +128,7 @@ def test_executables_run_on_the_python_of_their_prefix(prefix: Path, tmp_path: P
             stderr=subprocess.PIPE,
             text=True,
         )
-        for name in sorted(EXECUTABLES - {'player'})
+        for name in ('plant', 'strain_gauge', 'node')
     }
     for name, process in processes.items():
         _, said = process.communicate(timeout=60)
