@@ -27,21 +27,13 @@ from typing import Any
 from flexarm_ros.analysis.report.claims import Claim, Claims
 from flexarm_ros.analysis.report.runs import labels, number, ReportedRun
 from flexarm_ros.core.parameters.sections import keys, SECTIONS
-from flexarm_ros.core.run.results.metric_list import METRICS
+from flexarm_ros.core.run.results.metric_list import NUMBERS
 
 MOST_SWITCHES = 12
 """Maximum number of direction switches whose overshoots are listed."""
 
 LONGEST = 300
 """Most characters of a text from a file that a page shows."""
-
-_METRICS = (
-    *((metric.name, metric.title, metric.unit) for metric in METRICS),
-    ('ticks', 'ticks', ''),
-    ('wall_s', 'wall time', 's'),
-    ('rtf', 'real-time factor', ''),
-)
-"""Key of ``summary.json``, label, unit."""
 
 EDGES = {'holds': 'good', 'in part': 'part', 'does not hold': 'bad'}
 
@@ -75,13 +67,13 @@ def metrics_table(runs: Sequence[ReportedRun]) -> str:
     if any(run.external for run in runs):
         named = [text(', '.join(run.external)) or 'none' for run in runs]
         rows.append(_row('External nodes', '', named))
-    for key, title, unit in _METRICS:
-        name = title[0].upper() + title[1:]
-        values = [run.summary.get(key) for run in runs]
+    for metric in NUMBERS:
+        name = metric.title[0].upper() + metric.title[1:]
+        values = [run.summary.get(metric.name) for run in runs]
         if any(isinstance(value, list) for value in values):
-            rows += _list_rows(name, unit, values)
+            rows += _list_rows(name, metric.unit, values)
         else:
-            rows.append(_row(name, unit, [_number(value) for value in values]))
+            rows.append(_row(name, metric.unit, [_number(value) for value in values]))
     head = f'<thead><tr><th scope="col">Metric</th>{_run_heads(runs)}</tr></thead>'
     table = f'<table class="numbers sticky">{head}<tbody>{"".join(rows)}</tbody></table>'
     return _scroll(table, 'Metrics') + (

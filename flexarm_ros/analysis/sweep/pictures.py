@@ -39,6 +39,7 @@ from flexarm_ros.analysis.figures.style import (
 from flexarm_ros.analysis.sweep.store import Table
 from flexarm_ros.analysis.sweep_linear import BEST, Linear, WORST
 from flexarm_ros.core.parameters.sections import keys
+from flexarm_ros.core.run.results.metric_list import unit_of
 from flexarm_ros.scenario.sweeps.axes import numbers_in, Parameter
 from flexarm_ros.scenario.sweeps.sweep import Sweep
 import numpy as np
@@ -53,8 +54,6 @@ WIDEST = 60
 """Longest line of a title, characters: those of a figure 6.4 inches wide with a colour bar."""
 SUCCESS = 'stable'
 """Value of a map that is the share of runs that reach their end."""
-
-_METRIC_UNITS = {'max_torque': 'N m', 'ticks': '', 'unstable_tick': ''}
 
 
 @dataclass(frozen=True)
@@ -273,5 +272,5 @@ def _label(name: str) -> str:
 def _metric_label(name: str) -> str:
     if name == SUCCESS:
         return 'share of runs that complete'
-    unit = _METRIC_UNITS.get(name, 'm')
+    unit = unit_of(name)
     return name.replace('_', ' ') + (f', {unit}' if unit else '')

@@ -89,9 +89,9 @@ def show_outcome(directory: Path, summary: dict[str, Any], pictures: bool = Fals
     if summary.get('external'):
         rows.append(('external', ', '.join(summary['external'])))
     rows += [
-        (label, f'{shown} {unit}')
-        for key, label, unit, _ in METRICS
-        if (shown := format_metric(summary.get(key))) not in ('', '-')
+        (metric.title, f'{shown} {metric.unit}')
+        for metric in METRICS
+        if (shown := format_metric(summary.get(metric.name))) not in ('', '-')
     ]
     for label, path in (
         ('bag', directory / 'bag'),

@@ -29,7 +29,7 @@ import operator
 import re
 from typing import Any
 
-from flexarm_ros.core.run.results.metric_list import NAMES
+from flexarm_ros.core.run.results.metric_list import NUMBERS
 from flexarm_ros.scenario.errors import clip, ScenarioError, suggestion
 from flexarm_ros.scenario.yaml.rclyaml import MappingTree, Scalar, SequenceTree, show, Tree
 from flexarm_ros.scenario.yaml.treeread import as_list, as_map, as_number
@@ -37,7 +37,8 @@ from flexarm_ros.scenario.yaml.treeread import as_list, as_map, as_number
 Metrics = Mapping[str, Any]
 
 METRICS = (
-    'stable', *NAMES, 'wall_s', 'rtf', 'complete', 'unstable_tick', 'problem', 'status',
+    'stable', *(metric.name for metric in NUMBERS), 'complete', 'unstable_tick', 'problem',
+    'status',
 )  # fmt: skip
 """Names that may be expected: those of ``summary.json``, and ``status``, the exit status of the
 run alone."""

@@ -46,6 +46,7 @@ import json
 from pathlib import Path
 
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.results.metric_list import TIMING
 from flexarm_ros.scenario.errors import clip, ScenarioError
 from flexarm_ros.scenario.files import read_text
 from flexarm_ros.scenario.locate import find, first_comment, shipped, shipped_sweeps
@@ -290,6 +291,6 @@ def _read_map(tree: Tree | None, axes: dict[str, tuple[str, ...]]) -> Map | None
     if found['x'] == found['y']:
         raise ScenarioError(f"map.y: '{found['y']}' is map.x already")
     metric, _ = known_metric(found['value'], 'map.value')
-    if metric in ('complete', 'problem', 'status', 'wall_s', 'rtf'):
+    if metric in ('complete', 'problem', 'status', *(m.name for m in TIMING)):
         raise ScenarioError(f"map.value: '{metric}' cannot be drawn; take a number of the run")
     return Map(found['x'], found['y'], found['value'])
