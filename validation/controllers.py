@@ -133,8 +133,9 @@ def drawn(law: str, pace: str, count: int) -> list[Run]:
 def fly(run: Run) -> dict[str, Any]:
     """Return metrics of a run, the residual at rest and the rms error from the second lap on."""
     from flexarm_ros.core.run.loop import ClosedLoop
+    from flexarm_ros.core.run.results.columns import COLUMNS
     from flexarm_ros.core.run.results.metrics import Metrics
-    from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, Rows
+    from flexarm_ros.core.run.results.trajectory_rows import Rows
 
     config = run.config()
     at = {name: place for place, name in enumerate(COLUMNS)}

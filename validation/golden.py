@@ -45,7 +45,8 @@ from flexarm_ros.core.control import PLANNING
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, Rows
+from flexarm_ros.core.run.results.columns import COLUMNS
+from flexarm_ros.core.run.results.trajectory_rows import Rows
 from flexarm_ros.scenario import locate
 from flexarm_ros.scenario.suites import suite
 

@@ -25,6 +25,7 @@ from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.api.extras import extra
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.run.results.columns import ROW_COLUMNS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,47 +34,9 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-UNITS = {
-    **dict.fromkeys(('t',), 's'),
-    **dict.fromkeys(('theta1', 'theta2'), 'rad'),
-    **dict.fromkeys(('dtheta1', 'dtheta2'), 'rad/s'),
-    **dict.fromkeys(('tau1', 'tau2'), 'N m'),
-    'lambda': '',
-}
-"""Unit of each column that is not in metres."""
-
-MEANINGS = {
-    't': 'simulated time',
-    'theta1': 'tangent of link 1 at the shoulder, from x',
-    'theta2': 'tangent of link 2 at the elbow, from the tangent at the end of link 1',
-    'dtheta1': 'rate of theta1',
-    'dtheta2': 'rate of theta2',
-    'delta1': 'end deflection of link 1, positive to the left',
-    'delta2': 'end deflection of link 2, positive to the left',
-    'elbow_x': 'elbow, with deflection',
-    'elbow_y': 'elbow, with deflection',
-    'tip_x': 'tip, with deflection',
-    'tip_y': 'tip, with deflection',
-    'rigid_x': 'end effector from the rigid kinematics of the joint angles',
-    'rigid_y': 'end effector from the rigid kinematics of the joint angles',
-    'meas_x': 'measurement of the tip sensor as delivered',
-    'meas_y': 'measurement of the tip sensor as delivered',
-    'ref_x': 'reference, not delayed',
-    'ref_y': 'reference, not delayed',
-    'tau1': 'torque at the shoulder, held for a tick',
-    'tau2': 'torque at the elbow, held for a tick',
-    'lambda': 'gain of the fuzzy law',
-}
-"""Description of each column; frame ``base``, angles counter-clockwise."""
-
 SHOWN = ('stable', 'rms_error', 'max_error', 'max_overshoot', 'max_deflection', 'max_torque')
 
 Table = NDArray[np.void]
-
-
-def unit_of(column: str) -> str:
-    """Return the unit of a column; empty for one of an optional part."""
-    return UNITS.get(column, 'm' if column in MEANINGS else '')
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -138,9 +101,10 @@ class Run:
             import xarray
 
         units = self._units()
+        meanings = {column.name: column.meaning for column in ROW_COLUMNS}
 
         def described(name: str) -> tuple[str, FloatArray, dict[str, str]]:
-            notes = {'units': units[name], 'long_name': MEANINGS.get(name, name)}
+            notes = {'units': units[name], 'long_name': meanings.get(name, name)}
             return 't', self.trajectory[name].copy(), notes
 
         return xarray.Dataset(
@@ -150,11 +114,11 @@ class Run:
         )
 
     def _units(self) -> dict[str, str]:
-        """Return the unit of each column, those that optional parts declare included."""
+        """Return the unit of each column; empty for a number, and where it is unknown."""
         from flexarm_ros.analysis.report.runs import ReportedRun
 
         declared = ReportedRun(Path(self.name), {}, self.summary, self.scenario).units()
-        return {name: declared.get(name) or unit_of(name) for name in self.columns}
+        return {name: declared.get(name, '') for name in self.columns}
 
     def plot(self, kind: str = 'paths') -> Figure:
         """Return a matplotlib figure: ``paths``, ``corners``, ``signals``, ``parts``, ``fls``."""

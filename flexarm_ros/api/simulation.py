@@ -33,8 +33,9 @@ from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
+from flexarm_ros.core.run.results.columns import header
 from flexarm_ros.core.run.results.metrics import Metrics
-from flexarm_ros.core.run.results.trajectory_rows import header, Row, Rows
+from flexarm_ros.core.run.results.trajectory_rows import Row, Rows
 from flexarm_ros.scenario.errors import suggestion
 from flexarm_ros.scenario.plugins.registry import register, section_names
 import numpy as np

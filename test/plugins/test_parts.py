@@ -41,7 +41,7 @@ from flexarm_ros.core.parameters.spec import parameter, specs
 from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.columns import COLUMNS
 from flexarm_ros.core.signals import Joints, Signal
 from flexarm_ros.scenario.plugins import registry as plugins
 from flexarm_ros.wire.topics import per_tick_topics

@@ -31,8 +31,9 @@ from flexarm_ros.analysis.figures.style import (
 )
 from flexarm_ros.analysis.report.runs import labels, number, ReportedRun
 from flexarm_ros.core.control.fls import fls_lambda
-from flexarm_ros.core.control.fls_definition import INPUT_SETS, OUTPUT_SETS
+from flexarm_ros.core.control.fls_definition import INPUT_SETS, INPUTS, OUTPUT, OUTPUT_SETS
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.run.results.columns import axis_label
 import numpy as np
 
 if TYPE_CHECKING:
@@ -83,12 +84,12 @@ def sets_figure(which: str, kn: float) -> Figure:
 
 def _draw_inputs(axis: Axes, kn: float) -> None:
     _draw_sets(axis, INPUT_SETS, kn)
-    axis.set(title='Inputs', xlabel=r'deflection $\delta_1$ or $\delta_2$, m')
+    axis.set(title='Inputs', xlabel='deflection δ₁ or δ₂, m')
 
 
 def _draw_output(axis: Axes) -> None:
     _draw_sets(axis, OUTPUT_SETS, 1.0)
-    axis.set(title='Output', xlabel=r'gain $\lambda$', xlim=(-0.1, 1.1))
+    axis.set(title='Output', xlabel=axis_label(OUTPUT), xlim=(-0.1, 1.1))
 
 
 def _draw_sets(axis: Axes, sets: Feet, scale: float) -> None:
@@ -118,9 +119,8 @@ def _draw_surface(figure: Figure, kn: float) -> None:
         x, y, lambda_grid(inputs), cmap='viridis', rcount=41, ccount=41, linewidth=0.15,
         edgecolor=(0.0, 0.0, 0.0, 0.35),
     )  # fmt: skip
-    axis.set(
-        xlabel=r'$\delta_1$, m', ylabel=r'$\delta_2$, m', zlabel=r'$\lambda$', zlim=(0.0, 1.0)
-    )
+    across, deep, up = (axis_label(name, symbol=True) for name in (*INPUTS, OUTPUT))
+    axis.set(xlabel=across, ylabel=deep, zlabel=up, zlim=(0.0, 1.0))
     axis.set_title('Surface')
     axis.view_init(elev=36.0, azim=-55.0)
     axis.set_box_aspect((1.0, 1.0, 0.7), zoom=1.0)
@@ -130,7 +130,7 @@ def _draw_map(axis: Axes, runs: Sequence[ReportedRun], kn: float) -> None:
     """Draw contours of lambda over the part of the universe that the runs use."""
     reach = 0.02 * kn
     for run in runs:
-        for name in ('delta1', 'delta2'):
+        for name in INPUTS:
             reach = max(reach, float(np.nanmax(np.abs(run.columns[name]), initial=0.0)))
     reach = min(kn, 1.1 * reach)
     inputs = np.linspace(-reach / kn, reach / kn, 81)
@@ -139,10 +139,11 @@ def _draw_map(axis: Axes, runs: Sequence[ReportedRun], kn: float) -> None:
     axis.clabel(contours, fontsize=7)
     for run, style, label in zip(runs, styles(runs), labels(runs), strict=True):
         look = {**style.drawn, 'linewidth': 0.6 * style.width}
-        axis.plot(run.columns['delta1'], run.columns['delta2'], label=wrap(label), **look)
+        axis.plot(*(run.columns[name] for name in INPUTS), label=wrap(label), **look)
     axis.plot(0.0, 0.0, '+', color=BLACK)
-    axis.set(xlabel=r'$\delta_1$, m', ylabel=r'$\delta_2$, m')
-    axis.set_title(r'$\lambda$ where it was used')
+    across, up = (axis_label(name, symbol=True) for name in INPUTS)
+    axis.set(xlabel=across, ylabel=up)
+    axis.set_title('λ where it was used')
     axis.set_aspect('equal')
     if runs:
         axis.legend(loc='upper center', bbox_to_anchor=(0.5, -0.15), fontsize=7)

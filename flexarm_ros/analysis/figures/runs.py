@@ -40,8 +40,10 @@ from flexarm_ros.analysis.figures.style import (
     save,
     styled,
 )
+from flexarm_ros.analysis.report.data import ERRORS
 from flexarm_ros.analysis.report.runs import load_runs, ReportedRun
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.run.results.columns import axis_label
 import numpy as np
 
 if TYPE_CHECKING:
@@ -85,16 +87,15 @@ def write_figures(run_dirs: Sequence[Path | ReportedRun], out: Path) -> list[Pat
 
 def signal_figure(group: Panel) -> Figure:
     """Return error, deflections, torques and lambda over time, the runs of a group overlaid."""
-    rows: list[tuple[str, Callable[[ReportedRun], FloatArray]]] = [
-        ('tracking error, m', ReportedRun.error),
-        (r'deflection $\delta_1$, m', lambda run: run.columns['delta1']),
-        (r'deflection $\delta_2$, m', lambda run: run.columns['delta2']),
-        (r'torque $\tau_1$, N m', lambda run: run.columns['tau1']),
-        (r'torque $\tau_2$, N m', lambda run: run.columns['tau2']),
-    ]
+    names = ['delta1', 'delta2', 'tau1', 'tau2']
     if any(np.isfinite(run.columns['lambda']).any() for run in group.runs):
-        rows.append((r'gain $\lambda$', lambda run: run.columns['lambda']))
-    return _over_time(group, lambda run: {name: values(run) for name, values in rows})
+        names.append('lambda')
+
+    def signals(run: ReportedRun) -> dict[str, FloatArray]:
+        columns = {axis_label(name): run.columns[name] for name in names}
+        return {ERRORS['error'][0]: run.error(), **columns}
+
+    return _over_time(group, signals)
 
 
 def part_figure(group: Panel) -> Figure:

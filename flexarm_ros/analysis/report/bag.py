@@ -26,8 +26,8 @@ from flexarm_ros.bag.reading.reader import open_run
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.results.columns import COLUMNS, header
 from flexarm_ros.core.run.results.metrics import Metrics
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, header
 import numpy as np
 
 BLOCK = 512

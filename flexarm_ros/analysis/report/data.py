@@ -23,6 +23,7 @@ from typing import Any
 from flexarm_ros.analysis.figures.style import Style, styles
 from flexarm_ros.analysis.report.runs import labels, law_name, ReportedRun
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.core.run.results.columns import axis_label, COLUMNS
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,14 +36,18 @@ LEAST_ROWS = 600
 MOST_SWITCHES = 200
 """Most direction switches of a run that a page marks."""
 
-PACKED = (
-    't', 'theta1', 'theta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y', 'tip_x', 'tip_y',
-    'rigid_x', 'rigid_y', 'meas_x', 'meas_y', 'ref_x', 'ref_y', 'tau1', 'tau2', 'lambda',
-)  # fmt: skip
+PACKED = tuple(name for name in COLUMNS if name not in ('dtheta1', 'dtheta2'))
 """Columns of ``trajectory.csv`` that the page needs, beside those of optional parts."""
 
-ERRORS = ('error', 'tip_error')
-"""Further columns, which the page could compute from the packed ones only to 1e-7 of the path."""
+ERRORS = {
+    'error': ('tracking error, m', 'error, m'),
+    'tip_error': ('error of the true tip, m', 'tip error, m'),
+}
+"""
+Further columns with their labels, long and short.
+
+The page could compute them from the packed ones only to 1e-7 of the path.
+"""
 
 STEPS = 2**24 - 2
 """Steps between least and largest value of a packed column; the next code means nan."""
@@ -53,7 +58,7 @@ def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
     Return the data of a page as JSON-compatible objects.
 
     ``pool`` holds each different column once (such as equal references of several runs);
-    ``runs`` refers to it by index.
+    ``runs`` refers to it by index.  ``labels``: long and short label of each column.
     """
     pool: dict[tuple[float, float, str], int] = {}
     budget = max(LEAST_ROWS, ROW_BUDGET // max(1, len(runs)))
@@ -85,6 +90,10 @@ def page_data(runs: Sequence[ReportedRun]) -> dict[str, Any]:
         'runs': entries,
         'pool': [{'low': low, 'span': span, 'data': data} for low, span, data in pool],
         'steps': STEPS,
+        'labels': {
+            **ERRORS,
+            **{name: (axis_label(name), axis_label(name, symbol=True)) for name in PACKED},
+        },
     }
 
 

@@ -26,8 +26,7 @@ from flexarm_ros import scenario
 from flexarm_ros.core.arm.kinematics import round_off
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import columns
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.columns import COLUMNS, units
 import numpy as np
 
 COLLOCATED = 'collocated'
@@ -142,9 +141,8 @@ class ReportedRun:
             return None
 
     def units(self) -> dict[str, str]:
-        """Return the units that optional parts declare with their columns, by column."""
-        config = self.config
-        return {} if config is None else {column.name: column.unit for column in columns(config)}
+        """Return the declared units by column; see `columns.units`."""
+        return units(self.config)
 
     def optional(self) -> dict[str, FloatArray]:
         """
@@ -152,9 +150,9 @@ class ReportedRun:
 
         The parts declare the units; a column that none of them declares has none.
         """
-        units = self.units()
+        declared = self.units()
         return {
-            ', '.join(filter(None, (name, units.get(name)))): values
+            ', '.join(filter(None, (name, declared.get(name)))): values
             for name, values in self.columns.items()
             if name not in COLUMNS and np.isfinite(values).any()
         }

@@ -35,7 +35,7 @@ from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.tables.topics import BATCH, Batch, batches
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.results.trajectory_rows import header
+from flexarm_ros.core.run.results.columns import header
 from flexarm_ros.wire.topics import Topic
 import numpy as np
 

@@ -20,7 +20,7 @@ import re
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.parts import parts_of, PlantPart, signals
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.columns import COLUMNS
 
 _TOPIC = re.compile(r'/?[A-Za-z]\w*(/[A-Za-z]\w*)*', re.ASCII)
 _RESERVED = re.compile(r'(plant|lockstep)/.*|diagnostics|parameter_events|rosout|tf')

@@ -24,7 +24,7 @@ from typing import Any
 from flexarm_ros import scenario
 from flexarm_ros.analysis.report.claims import Claims, evaluate
 from flexarm_ros.analysis.report.runs import ReportedRun
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.columns import COLUMNS
 from flexarm_ros.scenario.suites import suite
 import numpy as np
 import pytest

@@ -32,7 +32,7 @@ from flexarm_ros.analysis.report.data import (
 )
 from flexarm_ros.analysis.report.page import script_json
 from flexarm_ros.analysis.report.runs import ReportedRun
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.columns import COLUMNS
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp

@@ -30,7 +30,7 @@ from flexarm_ros.analysis.report.runs import (
     RunError,
 )
 from flexarm_ros.bag.simulation import simulate
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
+from flexarm_ros.core.run.results.columns import COLUMNS
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np

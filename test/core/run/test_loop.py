@@ -31,8 +31,9 @@ from flexarm_ros.core.parameters.sections import (
 )
 from flexarm_ros.core.run.checks import check
 from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
+from flexarm_ros.core.run.results.columns import COLUMNS
 from flexarm_ros.core.run.results.metrics import Metrics
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, Rows
+from flexarm_ros.core.run.results.trajectory_rows import Rows
 from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.core.trajectory import Reference
 import numpy as np

@@ -20,8 +20,8 @@ import math
 import tracemalloc
 
 from flexarm_ros.core.parameters.sections import RunConfig, RunParameters, TrajectoryParameters
+from flexarm_ros.core.run.results.columns import COLUMNS
 from flexarm_ros.core.run.results.metrics import Metrics
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS
 import numpy as np
 import pytest
 

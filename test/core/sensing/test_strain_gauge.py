@@ -32,7 +32,8 @@ from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, wit
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.parts import check_parts, ControllerPart, parts_of
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, Rows
+from flexarm_ros.core.run.results.columns import COLUMNS
+from flexarm_ros.core.run.results.trajectory_rows import Rows
 from flexarm_ros.core.sensing.gauge import gauge_shape
 from flexarm_ros.core.sensing.lowpass import lowpass_step
 from flexarm_ros.core.sensing.strain_gauge import STRAIN, StrainGaugePart

@@ -6,15 +6,13 @@ const layered = () => shown().sort((a, b) => b.width - a.width); // a thin curve
 const endTime = Math.max(1e-9, ...runs.map((run) => run.end));
 const state = { time: 0, playing: false, before: 0 };
 
+const heading = (name) => Object.hasOwn(page.labels, name) ? page.labels[name][0].replace(/^./, (c) => c.toUpperCase()) : name;
 const SERIES = [
-  ["error", "Tracking error, m", "main"], ["tip_error", "Error of the true tip, m", "main"],
-  ["delta1", "Deflection δ₁, m", "main"], ["delta2", "Deflection δ₂, m", "main"],
-  ["tau1", "Torque τ₁, N m", "main"], ["tau2", "Torque τ₂, N m", "main"], ["lambda", "Gain λ", "main"],
-  ["theta1", "Joint angle θ₁, rad", "angles"], ["theta2", "Joint angle θ₂, rad", "angles"],
-  ["meas_x", "Measured x, m", "angles"], ["meas_y", "Measured y, m", "angles"],
-  ...[...new Set(runs.flatMap((run) => run.optional))].map((name) => [name, name, "parts"]),
+  ...["error", "tip_error", "delta1", "delta2", "tau1", "tau2", "lambda"].map((name) => [name, "main"]),
+  ...["theta1", "theta2", "meas_x", "meas_y"].map((name) => [name, "angles"]),
+  ...[...new Set(runs.flatMap((run) => run.optional))].map((name) => [name, "parts"]),
 ];
-const VALUES = [["error", "error, m"], ["tip_error", "tip error, m"], ["delta1", "δ₁, m"], ["delta2", "δ₂, m"], ["tau1", "τ₁, N m"], ["tau2", "τ₂, N m"], ["lambda", "λ"], ["rigid_x", "x, m"], ["rigid_y", "y, m"]];
+const VALUES = ["error", "tip_error", "delta1", "delta2", "tau1", "tau2", "lambda", "rigid_x", "rigid_y"];
 const known = (name) => runs.some((run) => name in run.c && run.c[name].some(isFinite));
 const switches = runs.reduce((most, run) => (run.switches.length > most.length ? run.switches : most), []);
 let timeView = null;
@@ -68,10 +66,10 @@ function nearest(x, y, chart) {
   return best;
 }
 
-const series = SERIES.filter(([name]) => known(name)).map(([name, label, group]) => {
+const series = SERIES.filter(([name]) => known(name)).map(([name, group]) => {
   const box = html("div", null, byId("series"), "chart");
   const chart = new Chart(box, {
-    label: label + " over time", xLabel: "time, s", yLabel: label, paperWidth: 700, height: (w) => (w < 480 ? 170 : 190),
+    label: heading(name) + " over time", xLabel: "time, s", yLabel: heading(name), paperWidth: 700, height: (w) => (w < 480 ? 170 : 190),
     curves: () => layered().filter((run) => name in run.c).map((run) => ({ run, x: run.c.t, y: run.c[name] })),
     marks: () => switches,
     overlay: (c, g) => svg("line", { class: "cursor", x1: c.px(state.time), x2: c.px(state.time), y1: c.plot.y, y2: c.plot.y + c.plot.h }, g),
@@ -105,7 +103,7 @@ function setTime(time) {
 function fillValues() {
   const cells = byId("values").querySelectorAll("td");
   let k = 0;
-  for (const [name] of VALUES) {
+  for (const name of VALUES) {
     for (const run of runs) {
       const there = run.c.t.length && state.time <= run.end + 0.01;
       cells[k++].textContent = there ? show(run.c[name][rowAt(run, state.time)]) : "–";
@@ -124,9 +122,9 @@ function buildValues() {
     // It breaks after underscores, not inside words.
     for (const part of run.name.split(/(?<=_)/)) shown.append(part, document.createElement("wbr"));
   }
-  for (const [, label] of VALUES) {
+  for (const name of VALUES) {
     const row = html("tr", null, body);
-    html("th", label, row).scope = "row";
+    html("th", page.labels[name][1], row).scope = "row";
     for (let i = 0; i < runs.length; i++) html("td", "–", row);
   }
 }

@@ -31,7 +31,8 @@ from typing import Any
 from flexarm_ros.core.arm.kinematics import round_off
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.results.trajectory_rows import COLUMNS, Row
+from flexarm_ros.core.run.results.columns import COLUMNS
+from flexarm_ros.core.run.results.trajectory_rows import Row
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import make_path, Switch
 import numpy as np

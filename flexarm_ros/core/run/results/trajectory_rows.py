@@ -33,27 +33,16 @@ from flexarm_ros.core.parameters.sections import changed, RunConfig
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.part import COMMAND, REFERENCE, STATE, TIP
 from flexarm_ros.core.run.parts import columns, signals
+from flexarm_ros.core.run.results.columns import COLUMNS
 from flexarm_ros.core.sensing.strain_gauge import deflection_scales, STRAIN
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import make_path, point_at, Sides
 import numpy as np
 from numpy.typing import ArrayLike
 
-COLUMNS = (
-    't', 'theta1', 'theta2', 'dtheta1', 'dtheta2', 'delta1', 'delta2', 'elbow_x', 'elbow_y',
-    'tip_x', 'tip_y', 'rigid_x', 'rigid_y', 'meas_x', 'meas_y', 'ref_x', 'ref_y', 'tau1', 'tau2',
-    'lambda',
-)  # fmt: skip
-"""Header of ``trajectory.csv`` as far as it is the same in every run: s, rad, rad/s, m, N m."""
-
 _REFERENCE = COLUMNS.index('ref_x')
 
 Row = tuple[float, ...]
-
-
-def header(config: RunConfig) -> tuple[str, ...]:
-    """Return the header of ``trajectory.csv``: `COLUMNS`, then those of optional parts."""
-    return (*COLUMNS, *(column.name for column in columns(config)))
 
 
 class RowRecord(NamedTuple):
