@@ -13,23 +13,26 @@
 # limitations under the License.
 
 """
-The tables of parameters in docs/reference/parameters.md, generated from their definitions.
+The tables in docs/reference of what is declared in the code: parameters, columns, metrics.
 
-``python -m flexarm_ros.scenario.table`` prints them, one table a section; with a file's name
-it inserts them there between the lines ``<!-- parameters -->`` and ``<!-- /parameters -->``.
+``python -m flexarm_ros.scenario.table`` prints those of parameters, one table a section.  With
+names of files it inserts each table where a file has its two marks, as ``<!-- metrics -->`` and
+``<!-- /metrics -->``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 import sys
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS
 from flexarm_ros.core.parameters.spec import short, Spec, specs
+from flexarm_ros.core.run.results.columns import ROW_COLUMNS, RowColumn
+from flexarm_ros.core.run.results.metric_list import Metric, NUMBERS
 
 _CLASSES = (*SECTIONS.items(), ('/**', PaceParameters))
-BEGIN, END = '<!-- parameters -->', '<!-- /parameters -->'
 
 
 def markdown() -> str:
@@ -41,6 +44,21 @@ def markdown() -> str:
         head = f'## {section}\n\n| key | default | meaning |\n|---|---|---|\n'
         tables.append(head + '\n'.join(rows) + '\n')
     return '\n'.join(tables)
+
+
+def columns() -> str:
+    """Return the table of the columns that ``trajectory.csv`` has in every run as Markdown."""
+    return _described(ROW_COLUMNS)
+
+
+def metrics() -> str:
+    """Return the table of the numbers in ``summary.json`` as Markdown."""
+    return _described(NUMBERS)
+
+
+def _described(entries: Iterable[RowColumn | Metric]) -> str:
+    rows = [f'| `{entry.name}` | {entry.unit} | {entry.meaning} |' for entry in entries]
+    return '\n'.join(('| name | unit | meaning |', '|---|---|---|', *rows, ''))
 
 
 def row(key: str, _: Any, spec: Spec, default: Any) -> str:
@@ -83,13 +101,23 @@ def allowed_text(spec: Spec) -> str:
     return ', '.join(part for part in (kind, bounds) if part)
 
 
-def with_table(text: str) -> str:
-    """
-    Return a document's text with the current table between its two marks.
+TABLES = {'parameters': markdown, 'columns': columns, 'metrics': metrics}
+"""Name in the marks -> the table."""
 
-    Raises ValueError if the marks are missing.
+
+def with_tables(text: str) -> str:
     """
-    return put_between(text, BEGIN, END, markdown().rstrip('\n'))
+    Return a document's text with the current tables between their marks.
+
+    Raises ValueError if it has the marks of none.
+    """
+    marks = {name: (f'<!-- {name} -->', f'<!-- /{name} -->') for name in TABLES}
+    found = [name for name, ends in marks.items() if any(end in text for end in ends)]
+    if not found:
+        raise ValueError(f'no lines <!-- NAME --> and <!-- /NAME --> of {", ".join(TABLES)}')
+    for name in found:
+        text = put_between(text, *marks[name], TABLES[name]().rstrip('\n'))
+    return text
 
 
 def put_between(text: str, begin: str, end: str, block: str) -> str:
@@ -106,12 +134,12 @@ def put_between(text: str, begin: str, end: str, block: str) -> str:
 
 
 def main() -> None:
-    """Print the table, or insert it into the given files."""
+    """Print the tables of parameters, or insert the tables into the given files."""
     if len(sys.argv) < 2:
         print(markdown(), end='')
     for name in sys.argv[1:]:
         path = Path(name)
-        path.write_text(with_table(path.read_text('utf-8')), encoding='utf-8')
+        path.write_text(with_tables(path.read_text('utf-8')), encoding='utf-8')
 
 
 if __name__ == '__main__':

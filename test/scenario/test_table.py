@@ -12,17 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tables of parameters in the documentation are those that the definitions give."""
+"""The tables in the reference are those that the declarations give."""
 
 from __future__ import annotations
 
+from pathlib import Path
+import re
+
 from flexarm_ros import scenario
 from flexarm_ros.core.parameters.sections import PaceParameters, SECTIONS, specs
+from flexarm_ros.core.run.parts import columns, PARTS
+from flexarm_ros.core.run.results.columns import ROW_COLUMNS
+from flexarm_ros.core.run.results.metric_list import NUMBERS
 from flexarm_ros.scenario import table
 import pytest
 from repository import ROOT
 
-PAGE = ROOT / 'docs' / 'reference' / 'parameters.md'
+PAGES = [ROOT / 'docs' / 'reference' / name for name in ('parameters.md', 'outputs.md')]
 
 
 def test_every_parameter_has_a_row_of_three_cells() -> None:
@@ -37,17 +43,45 @@ def test_every_parameter_has_a_row_of_three_cells() -> None:
     assert [line for line in lines if line.startswith('## ')] == [f'## {s}' for s in SECTIONS]
 
 
-def test_the_table_goes_between_its_marks() -> None:
-    text = f'a\n{table.BEGIN}\nold\n{table.END}\nb\n'
-    assert table.with_table(text) == f'a\n{table.BEGIN}\n{table.markdown()}{table.END}\nb\n'
-    assert table.with_table(table.with_table(text)) == table.with_table(text)
-    with pytest.raises(ValueError, match='no lines'):
-        table.with_table('a\n')
+def test_a_column_and_a_metric_have_a_row_of_three_cells() -> None:
+    for text, entries in ((table.columns(), ROW_COLUMNS), (table.metrics(), NUMBERS)):
+        rows = text.splitlines()[2:]
+        assert [row.split('`')[1] for row in rows] == [entry.name for entry in entries]
+        assert all(row.count('|') == 4 for row in rows)
+        assert all(entry.meaning for entry in entries)
 
 
-def test_the_page_has_the_tables_of_now() -> None:
-    text = PAGE.read_text('utf-8')
-    assert table.with_table(text) == text, f'run: python -m flexarm_ros.scenario.table {PAGE}'
+@pytest.mark.parametrize('name', table.TABLES)
+def test_a_table_goes_between_its_marks(name: str) -> None:
+    begin, end = f'<!-- {name} -->', f'<!-- /{name} -->'
+    text = f'a\n{begin}\nold\n{end}\nb\n'
+    filled = table.with_tables(text)
+    assert filled == f'a\n{begin}\n{table.TABLES[name]()}{end}\nb\n'
+    assert table.with_tables(filled) == filled
+    for wrong in ('a\n', f'a\n{begin}\n', f'a\n{end}\n'):
+        with pytest.raises(ValueError, match='no lines'):
+            table.with_tables(wrong)
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
+def test_a_page_has_the_tables_of_now(page: Path) -> None:
+    text = page.read_text('utf-8')
+    assert table.with_tables(text) == text, f'run: python -m flexarm_ros.scenario.table {page}'
+
+
+def test_the_columns_of_optional_parts_are_on_the_page_of_rigs() -> None:
+    page = (ROOT / 'docs' / 'howto' / 'your_own_rig.md').read_text('utf-8')
+    rows = [line.strip('|').split('|') for line in page.splitlines() if line.startswith('| `')]
+    found = {
+        (topic.strip().strip('`'), name)
+        for topic, _, names in (row for row in rows if len(row) == 3)
+        for name in re.findall('`([^`]+)`', names)
+    }
+    config = scenario.from_dict({
+        **{part.NAME: {} for part in PARTS if part.Parameters is not None},
+        'disturbance': {'payload_live': True},
+    })  # fmt: skip
+    assert found == {(column.topic, column.name) for column in columns(config)}
 
 
 def test_what_is_left_out_is_resolved_as_it_is_taken() -> None:
