@@ -35,6 +35,7 @@ import time
 from typing import Any
 
 from flexarm_ros import scenario
+from flexarm_ros.core.run.parts import parts_of
 from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES, Waiter
 from flexarm_ros.nodes.runtime.topics.graph import (
     message_class,
@@ -129,12 +130,7 @@ class Skeleton(Node):
         return True
 
 
-INPUTS = {
-    'plant': ['joint_command'],
-    'encoder': ['plant/state'],
-    'tip_sensor': ['plant/state'],
-    'controller': ['tip_sensor/odometry', 'joint_states', 'plant/state', 'reference'],
-}
+INPUTS = {part.NAME: part.reads(CONFIG) for part in parts_of(CONFIG)}
 """What a role waits for at each tick, the last to come first."""
 
 

@@ -35,6 +35,7 @@ from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.parts import recorded_roles
 from flexarm_ros.wire.generic_decode import typestore
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE
 import pytest
@@ -438,9 +439,8 @@ def test_what_is_not_known_is_taken_as_recorded_and_the_rest_verified(
     out = capsys.readouterr().out
     assert f'note: {section}: taken as recorded, not known to this version: {said}\n' in out
     assert f'closed loop not computed: {section} unknown here' in out
-    nodes = {'plant', 'encoder', 'tip_sensor', 'trajectory', 'controller'}
     verdict = verify(bag)
-    assert set(verdict.compared) == nodes - {left}
+    assert set(verdict.compared) == {*recorded_roles(RunConfig())} - {left}
     assert verdict.ticks == 300
     assert 'evil_law' not in sys.modules
 

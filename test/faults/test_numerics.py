@@ -20,8 +20,9 @@ import math
 import re
 
 from flexarm_ros import scenario
-from flexarm_ros.core.parameters.sections import SECTIONS, specs
+from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.parts import recorded_roles
 from flexarm_ros.scenario import ScenarioError
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -31,7 +32,7 @@ TICKS = 5
 EXTREMES = ('0', '5e-324', '1e-308', '1e-300', '1e-12', '1e300', '1e308', '-1e308', '-0.0')
 KEYS = [
     (f'{section}.{key}', spec)
-    for section in ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller')
+    for section in recorded_roles(RunConfig())
     for key, (_, spec, _) in specs(SECTIONS[section]).items()
     if spec.kind in ('float', 'float2')
 ]

@@ -31,6 +31,7 @@ import subprocess
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.nodes.runtime.joining import status
 from flexarm_ros.nodes.runtime.topics.graph import (
     message_class,
@@ -62,7 +63,7 @@ def wrong_stamp(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> b
     ahead = [peers.timeline.period_ns, 10**9, 10**18]
     behind = [-1, -peers.timeline.period_ns, -stamp, -2 * stamp]
     # Which tick a measurement belongs to is told by its place, so an old one may be right.
-    late = topic.node in ('encoder', 'tip_sensor')
+    late = part_of(topic.node).LATE
     return topic.codec.encode(stamp + dice.choice(ahead if late else ahead + behind), *values)
 
 
@@ -78,7 +79,7 @@ def not_finite(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> by
 
 def old_or_future(peers: Peers, topic: Topic, tick: int, dice: random.Random) -> bytes:
     """Return the message of another tick, or the last one again."""
-    if topic.node in ('encoder', 'tip_sensor'):
+    if part_of(topic.node).LATE:
         return peers.right(topic, min(TICKS - 1, tick + 40 + dice.randrange(100)))
     other = [t for t in (0, tick - 1, tick + 1, tick + 100) if t != tick and 0 <= t < TICKS]
     return peers.right(topic, dice.choice(other))

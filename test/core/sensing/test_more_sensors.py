@@ -26,7 +26,7 @@ from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.core.arm.kinematics import make_point
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.wire.topics import COMMAND, TIP
-from nodetools import flexarm_here, start_node, wait_for, write_scenario
+from nodetools import flexarm_here, ROLES, start_node, wait_for, write_scenario
 import numpy as np
 import pytest
 
@@ -95,8 +95,7 @@ def test_the_sensor_alone_may_ask_for_more(tmp_path: Path, ros_domain: int) -> N
     file = write_scenario(tmp_path / 's.yaml', 'fls_tip', 'duration=0.1')
     more = {'tip_sensor': ['-p', 'more_locations:=[6.0]'],
             'recorder': ['-p', f"output:={tmp_path / 'run'}"]}  # fmt: skip
-    roles = ('plant', 'encoder', 'tip_sensor', 'trajectory', 'controller', 'recorder')
-    nodes = [start_node(role, file, *more.get(role, [])) for role in roles]
+    nodes = [start_node(role, file, *more.get(role, [])) for role in ROLES]
     try:
         wait_for(lambda: all(n.poll() is not None for n in nodes), 120, 'the run has ended')
     finally:
