@@ -26,7 +26,8 @@ from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.parts import PlantPart, signals
+from flexarm_ros.core.run.parts import signals
+from flexarm_ros.core.run.required_parts import PlantPart
 from flexarm_ros.core.sensing.sensors import Encoder, TipSensor
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.core.trajectory import Reference

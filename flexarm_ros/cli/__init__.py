@@ -203,8 +203,8 @@ def _explain(words: list[str], error: Exception) -> int:
             bag_errors.BagExistsError, bag_errors.BagMissingError, bag_errors.UnknownRoleError,
         )  # fmt: skip
         return 2 if isinstance(error, usage) else 1
-    outside = sys.modules.get('flexarm_ros.core.run.outside')
-    if outside is not None and isinstance(error, outside.PartError):
+    answers = sys.modules.get('flexarm_ros.core.run.answers')
+    if answers is not None and isinstance(error, answers.PartError):
         print(f'{prefix}: error: {clip(str(error), 400)}', file=sys.stderr)
         return 1
     if isinstance(error, OSError):

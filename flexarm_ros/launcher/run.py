@@ -33,7 +33,8 @@ from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory, Work
 from flexarm_ros.core.parameters.sections import PaceParameters, RunConfig, specs
-from flexarm_ros.core.run.parts import ControllerPart, replaceable, roles
+from flexarm_ros.core.run.parts import replaceable, roles
+from flexarm_ros.core.run.required_parts import ControllerPart
 from flexarm_ros.core.run.results.real_time import outlives_controller
 from flexarm_ros.launcher.domains import reserved_domain
 from flexarm_ros.launcher.faults import FaultPlan

@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.parts import PLANT_VALUES, PlantPart
+from flexarm_ros.core.run.required_parts import PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.results.real_time import flat, shown
 from flexarm_ros.core.run.rig_parts import PAYLOAD
 from flexarm_ros.nodes.realtime.command import CommandInput

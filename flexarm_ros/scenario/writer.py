@@ -20,7 +20,9 @@ from collections.abc import Collection
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, values_of
-from flexarm_ros.core.run.parts import ControllerPart, known_parts, TipSensorPart
+from flexarm_ros.core.run.parts import known_parts
+from flexarm_ros.core.run.required_parts import ControllerPart
+from flexarm_ros.core.sensing.parts import TipSensorPart
 from flexarm_ros.scenario.yaml.rclyaml import write
 
 

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import TipSensorPart
+from flexarm_ros.core.sensing.parts import TipSensorPart
 from flexarm_ros.core.signals import coordinate_names
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, ticks_between, Timeline
 from flexarm_ros.stability.hold import (

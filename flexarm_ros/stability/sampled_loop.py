@@ -51,8 +51,9 @@ from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.channel import ChannelParameters
 from flexarm_ros.core.parameters.sections import RunConfig, SECTIONS, specs, values_of
 from flexarm_ros.core.run.make_plant import choose_integrator
-from flexarm_ros.core.run.parts import ControllerPart, EncoderPart, TipSensorPart
+from flexarm_ros.core.run.required_parts import ControllerPart
 from flexarm_ros.core.run.rig_parts import ActuatorPart, DisturbancePart
+from flexarm_ros.core.sensing.parts import EncoderPart, TipSensorPart
 from flexarm_ros.core.sensing.strain_gauge import closes_the_loop, StrainGaugePart
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, ticks_between, Timeline
 from flexarm_ros.stability.form import LinearLaw

@@ -69,15 +69,11 @@ from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run import part
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.parts import (
-    answering,
-    ControllerPart,
-    EncoderPart,
-    PlantPart,
-    TipSensorPart,
-)
+from flexarm_ros.core.run.parts import answering
+from flexarm_ros.core.run.required_parts import ControllerPart, PlantPart
 from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.core.sensing.delay import delayed
+from flexarm_ros.core.sensing.parts import EncoderPart, TipSensorPart
 from flexarm_ros.core.sensing.sensors import Encoder, read_out, Readout, TipSensor
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.wire.cdr import Codec

@@ -29,6 +29,7 @@ from dataclasses import dataclass, replace
 
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, TipSensorParameters
 from flexarm_ros.core.run import part, parts
+from flexarm_ros.core.run.required_parts import PlantPart
 from flexarm_ros.core.signals import (
     BASE_FRAME,
     Content,
@@ -150,8 +151,8 @@ def per_tick_topics(config: RunConfig) -> tuple[Topic, ...]:
     topics = _lockstep_topics(config)
     if config.run.sync != 'free':
         return topics
-    held = dict(zip(parts.PlantPart.reads(config), APPLIED, strict=False))
-    timing = Topic(TIMING, parts.PlantPart.NAME, JointStateCodec(TIMES, '', ('position',)))
+    held = dict(zip(PlantPart.reads(config), APPLIED, strict=False))
+    timing = Topic(TIMING, PlantPart.NAME, JointStateCodec(TIMES, '', ('position',)))
     return (
         *(
             replace(t, late=True, recorded_from=held[t.name])
@@ -171,7 +172,7 @@ def torque_place(topics: Sequence[Topic]) -> int:
 def applied(topic: Topic) -> Topic:
     """Return the topic on which the plant publishes what it held of ``topic``."""
     name = topic.recorded_from
-    return replace(topic, name=name, node=parts.PlantPart.NAME, recorded_from='')
+    return replace(topic, name=name, node=PlantPart.NAME, recorded_from='')
 
 
 def _lockstep_topics(config: RunConfig) -> tuple[Topic, ...]:

@@ -41,6 +41,7 @@ from flexarm_ros.core.parameters.spec import parameter
 from flexarm_ros.core.run import parts
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.part import Answer, STATE
+from flexarm_ros.core.run.required_parts import ControllerPart, PlantPart
 from flexarm_ros.core.run.rig_parts import ActuatorPart
 from flexarm_ros.core.run.state import State
 from flexarm_ros.core.sensing.sensor import Sensor
@@ -85,12 +86,12 @@ def test_the_table_of_parts_is_the_list_of_parts() -> None:
 def test_reads_that_depend_on_the_scenario() -> None:
     config = load('lab_arm', ['disturbance.force_x=[0.0, 0.0]', 'disturbance.force_y=[0.0, 0.0]',
                               'disturbance.force_times=[0.0, 1.0]'])  # fmt: skip
-    torque, wrench = parts.PlantPart.reads(config)
+    torque, wrench = PlantPart.reads(config)
     assert (torque, wrench) == ('actuator/torque', 'disturbance/wrench')
     assert 'actuator' in parts.replaceable(config)
     gauges = load('fls_tip', ['strain_gauge.gain=[1.0, 1.0]', 'strain_gauge.output=deflection',
                               'controller.deflection_source=strain_gauge'])  # fmt: skip
-    assert 'strain_gauge/strain' in parts.ControllerPart.reads(gauges)
+    assert 'strain_gauge/strain' in ControllerPart.reads(gauges)
     assert len(re.findall('`(actuator/torque|disturbance/wrench|strain_gauge/strain)`', PAGE)) >= 6
 
 

@@ -26,8 +26,8 @@ from flexarm_ros import cli, scenario
 from flexarm_ros.core.control import Law
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.parameters.spec import parameter
+from flexarm_ros.core.run.answers import PartError
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.outside import PartError
 from flexarm_ros.core.run.part import Answer, Column
 from flexarm_ros.core.run.parts import PLUGINS, register_part
 from flexarm_ros.core.sensing.sensor import Sensor

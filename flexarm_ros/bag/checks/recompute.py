@@ -22,11 +22,12 @@ from typing import Any
 
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.answers import make_part
 from flexarm_ros.core.run.loop_blocks import Stamped, stamped
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.outside import make_part
 from flexarm_ros.core.run.part import Answer, DRIVES
-from flexarm_ros.core.run.parts import answering, PLANT_VALUES, PlantPart
+from flexarm_ros.core.run.parts import answering
+from flexarm_ros.core.run.required_parts import PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.rig_parts import PAYLOAD
 from flexarm_ros.core.run.state import MessageState, State
 from flexarm_ros.core.timeline import Timeline

@@ -77,9 +77,11 @@ from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
 from flexarm_ros.core.run import part, parts
 from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
+from flexarm_ros.core.run.required_parts import ControllerPart, TrajectoryPart
 from flexarm_ros.core.run.state import Four
 from flexarm_ros.core.sensing.channel import Delivery
 from flexarm_ros.core.sensing.delay import delayed
+from flexarm_ros.core.sensing.parts import EncoderPart, TipSensorPart
 from flexarm_ros.core.sensing.sensors import Encoder, read_out, Readout, TipSensor
 from flexarm_ros.core.timeline import T0_NS
 from flexarm_ros.core.trajectory import command_at, Reference, Sides
@@ -269,7 +271,7 @@ def _receive(sensor: Readout, way: Way, i: int, a: float, b: float, c: float, d:
 
 
 _RUN: dict[type, Any] = {Eq14Plant: run_eq14, FullPlant: run_full}
-_PARTS = (parts.EncoderPart, parts.TipSensorPart, parts.TrajectoryPart, parts.ControllerPart)
+_PARTS = (EncoderPart, TipSensorPart, TrajectoryPart, ControllerPart)
 _LAWS = (PdLaw, FlsLaw, OpenLoopLaw)
 _NO_TABLE, _NO_NOISE, _NO_SETTINGS = np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(1, SETTINGS)
 
@@ -291,7 +293,7 @@ class Kernel:
 
     def __init__(
         self, loop: ClosedLoop, encoder: Encoder, tip: TipSensor, reference: Reference,
-        controller: parts.ControllerPart,
+        controller: ControllerPart,
     ) -> None:  # fmt: skip
         self._loop = loop
         plant: Any = loop.plant

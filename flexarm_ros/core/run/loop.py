@@ -22,9 +22,11 @@ from flexarm_ros.core.arm.plant import instability
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
+from flexarm_ros.core.run.answers import Answers
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.part import COMMAND, JOINT_STATES, REFERENCE, TIP
-from flexarm_ros.core.run.parts import Answers, ControllerPart, place, PLANT_VALUES, PlantPart
+from flexarm_ros.core.run.parts import place
+from flexarm_ros.core.run.required_parts import ControllerPart, PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.state import Four, State
 from flexarm_ros.core.sensing.sensors import Measurement
 from flexarm_ros.core.timeline import Timeline
@@ -36,8 +38,8 @@ class TickRecord(NamedTuple):
     """
     The messages of one tick.
 
-    ``messages``: see `flexarm_ros.core.run.parts.Answers`; ``gain``: lambda, or nan.  The state's
-    arrays are the plant's own and valid until the next tick.
+    ``messages``: see `flexarm_ros.core.run.answers.Answers`; ``gain``: lambda, or nan.  The
+    state's arrays are the plant's own and valid until the next tick.
     """
 
     k: int

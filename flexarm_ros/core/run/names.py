@@ -19,7 +19,8 @@ from __future__ import annotations
 import re
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import parts_of, PlantPart, signals
+from flexarm_ros.core.run.parts import parts_of, signals
+from flexarm_ros.core.run.required_parts import PlantPart
 from flexarm_ros.core.run.results.columns import COLUMNS
 
 _TOPIC = re.compile(r'/?[A-Za-z]\w*(/[A-Za-z]\w*)*', re.ASCII)

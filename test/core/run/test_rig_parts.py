@@ -25,7 +25,8 @@ from flexarm_ros import scenario
 from flexarm_ros.core.parameters.rig import ActuatorParameters, DisturbanceParameters
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, RunParameters
 from flexarm_ros.core.run.make_plant import highest_frequency, is_driven, make_plant
-from flexarm_ros.core.run.parts import check_parts, columns, parts_of, PlantPart
+from flexarm_ros.core.run.parts import check_parts, columns, parts_of
+from flexarm_ros.core.run.required_parts import PlantPart
 from flexarm_ros.core.run.rig_parts import ActuatorPart, DisturbancePart
 from flexarm_ros.scenario import ScenarioError
 import pytest

@@ -34,9 +34,9 @@ from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, Run
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.part import ACCELERATION
-from flexarm_ros.core.run.parts import check_parts, ImuPart, parts_of
+from flexarm_ros.core.run.parts import check_parts, parts_of
 from flexarm_ros.core.run.state import State
-from flexarm_ros.core.sensing.imu import IMU
+from flexarm_ros.core.sensing.imu import IMU, ImuPart
 from flexarm_ros.wire.topics import per_tick_topics
 import numpy as np
 import pytest

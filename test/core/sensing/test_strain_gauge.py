@@ -31,7 +31,8 @@ from flexarm_ros.core.parameters.rig import StrainGaugeParameters
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig, with_section
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
-from flexarm_ros.core.run.parts import check_parts, ControllerPart, parts_of
+from flexarm_ros.core.run.parts import check_parts, parts_of
+from flexarm_ros.core.run.required_parts import ControllerPart
 from flexarm_ros.core.run.results.columns import COLUMNS
 from flexarm_ros.core.run.results.trajectory_rows import Rows
 from flexarm_ros.core.sensing.gauge import gauge_shape

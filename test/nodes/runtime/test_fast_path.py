@@ -23,7 +23,7 @@ from typing import Any
 
 from bagtools import small_messages
 from flexarm_ros import scenario
-from flexarm_ros.core.run.parts import EncoderPart
+from flexarm_ros.core.sensing.parts import EncoderPart
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.fast_path import FastInputs

@@ -23,8 +23,9 @@ from typing import Any
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.answers import Answers
 from flexarm_ros.core.run.make_plant import make_plant
-from flexarm_ros.core.run.parts import Answers, PLANT_VALUES, PlantPart
+from flexarm_ros.core.run.required_parts import PLANT_VALUES, PlantPart
 from flexarm_ros.core.run.state import State
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.topics import CLOCK, per_tick_topics, STATE

@@ -22,7 +22,8 @@ import time
 from typing import Any, NoReturn
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.parts import ControllerPart, part_of, readers, RecorderPart, roles
+from flexarm_ros.core.run.parts import part_of, readers, roles
+from flexarm_ros.core.run.required_parts import ControllerPart, RecorderPart
 from flexarm_ros.core.run.results.real_time import outlives_controller
 from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.joining.compatibility import (
