@@ -30,12 +30,12 @@ from flexarm_ros.bag import simulation as recorded
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.control import Law
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
 from flexarm_ros.core.run.results.columns import header
 from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.core.run.results.trajectory_rows import Row, Rows
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.scenario.errors import suggestion
 from flexarm_ros.scenario.plugins.registry import register, section_names
 import numpy as np

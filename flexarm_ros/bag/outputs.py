@@ -36,12 +36,12 @@ from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.bag.number_text import csv_lines
 from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.results.columns import header
 from flexarm_ros.core.run.results.metric_list import NAMES
 from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.core.run.results.real_time import RunTiming
 from flexarm_ros.core.run.results.trajectory_rows import Rows
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.core.timeline import Timeline
 
 TRAJECTORY = 'trajectory.csv'

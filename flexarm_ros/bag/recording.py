@@ -41,9 +41,9 @@ from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.timing import TimingLog
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.core.run.results.real_time import RunTiming
+from flexarm_ros.core.run.state import Block
 
 BAG = 'bag'
 _DAMAGED = 'bag-damaged'

@@ -27,9 +27,9 @@ from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.recording import BAG, finish_run, prepare_directory
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
+from flexarm_ros.core.run.state import Block
 
 MOST_KEPT = 1 << 16
 """Ticks of a run that are kept in memory (15 MiB); of a longer one the bag is read back."""

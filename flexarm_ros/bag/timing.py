@@ -28,8 +28,8 @@ from pathlib import Path
 from flexarm_ros.bag.errors import BagContentError
 from flexarm_ros.bag.mcap.files import write_atomically
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.results.real_time import RunTiming
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.wire.cdr import FloatArray
 from flexarm_ros.wire.topics import TIMING, Topic, torque_place

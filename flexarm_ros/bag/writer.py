@@ -39,7 +39,7 @@ from flexarm_ros.bag.provenance import Provenance
 from flexarm_ros.bag.tick_records import TickRecords
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.core.timeline import seconds_to_ns, T0_NS
 from flexarm_ros.wire import parameter_event as changes
 from flexarm_ros.wire.cdr import ByteArray

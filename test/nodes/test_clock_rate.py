@@ -26,9 +26,9 @@ from flexarm_ros.bag.reading.reader import BagReader
 from flexarm_ros.bag.tables.trajectory import trajectory
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.loop_blocks import loop_blocks
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.scenario import ScenarioError
 from flexarm_ros.wire.topics import CLOCK, per_tick_topics
 from nodetools import flexarm_here

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexarm_ros.core.run.block import Block
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.wire.topics import Topic
 
 

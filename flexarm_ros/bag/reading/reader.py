@@ -40,7 +40,7 @@ from flexarm_ros.bag.reading.blocks import decode_ticks
 from flexarm_ros.bag.reading.matching import change_of, Match, match, UNKNOWN
 from flexarm_ros.core.parameters.changes import Change
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.block import Block
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.scenario.recorded import from_recorded, Recorded
 from flexarm_ros.scenario.torque_file import parse_torques

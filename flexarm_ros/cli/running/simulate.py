@@ -29,7 +29,7 @@ from flexarm_ros.cli.signals import Deferred
 from flexarm_ros.core.parameters.sections import RunConfig
 
 if TYPE_CHECKING:
-    from flexarm_ros.core.run.block import Block
+    from flexarm_ros.core.run.state import Block
 
 Watch = Callable[[int, int], None]
 

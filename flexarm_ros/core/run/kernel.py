@@ -75,10 +75,9 @@ from flexarm_ros.core.control.open_loop import OpenLoopLaw, torque_at
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw, SETTINGS, transpose_law
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
 from flexarm_ros.core.run import part, parts
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.required_parts import ControllerPart, TrajectoryPart
-from flexarm_ros.core.run.state import Four
+from flexarm_ros.core.run.state import Block, Four
 from flexarm_ros.core.sensing.channel import Delivery
 from flexarm_ros.core.sensing.delay import delayed
 from flexarm_ros.core.sensing.parts import EncoderPart, TipSensorPart

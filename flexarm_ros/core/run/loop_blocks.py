@@ -19,11 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.kernel import Kernel
 from flexarm_ros.core.run.loop import ClosedLoop, TickRecord
 from flexarm_ros.core.run.part import CLOCK, STATE
 from flexarm_ros.core.run.parts import place
+from flexarm_ros.core.run.state import Block
 import numpy as np
 
 BLOCK_TICKS = 512

@@ -12,14 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The state of the plant at one tick, as the parts of a run read it."""
+"""The state of the plant at one tick, as the parts of a run read it, and ticks as arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 import numpy as np
+from numpy.typing import NDArray
 
 Four = tuple[float, float, float, float]
 
@@ -66,3 +68,20 @@ class MessageState(State):
     def qd(self) -> FloatArray:  # type: ignore[override]
         """Return the rates."""
         return np.array(self.rates)
+
+
+@dataclass(frozen=True)
+class Block:
+    """
+    Complete ticks ``first``, ``first + 1``, ... of a run.
+
+    For each signal, in the order of `flexarm_ros.core.run.parts.signals`: ``stamps``, shape
+    ``(n,)``, ns, and ``values``, shape ``(n, fields)``.
+    """
+
+    first: int
+    stamps: tuple[NDArray[np.int64], ...]
+    values: tuple[FloatArray, ...]
+
+    def __len__(self) -> int:
+        return len(self.stamps[0])

@@ -30,10 +30,10 @@ from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.changes import Agenda
 from flexarm_ros.core.parameters.sections import changed, RunConfig
-from flexarm_ros.core.run.block import Block
 from flexarm_ros.core.run.part import COMMAND, REFERENCE, STATE, TIP
 from flexarm_ros.core.run.parts import columns, signals
 from flexarm_ros.core.run.results.columns import COLUMNS
+from flexarm_ros.core.run.state import Block
 from flexarm_ros.core.sensing.strain_gauge import deflection_scales, STRAIN
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import make_path, point_at, Sides
