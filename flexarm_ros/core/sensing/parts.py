@@ -19,10 +19,9 @@ from __future__ import annotations
 from typing import Any, TYPE_CHECKING
 
 from flexarm_ros.core.parameters.sections import RunConfig
-from flexarm_ros.core.run.part import Answer, JOINT_STATES, STATE, TIP
-from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
+from flexarm_ros.core.run.part import JOINT_STATES, TIP
+from flexarm_ros.core.sensing.sensor import Measuring
 from flexarm_ros.core.signals import Joints, PlanarPoint, Signal
-from flexarm_ros.core.timeline import Timeline
 
 # A part's implementation is imported when the part is created: every command reads the list of
 # parts before it parses its arguments.
@@ -31,50 +30,32 @@ if TYPE_CHECKING:
     from flexarm_ros.core.sensing.sensors import Measurement
 
 
-class EncoderPart(Answer):
+class EncoderPart(Measuring):
     """The joint encoders."""
 
     NAME = 'encoder'
-    READS = (STATE,)
-    LATE = True
 
     @classmethod
     def signals(cls, config: RunConfig) -> tuple[Signal, ...]:
         """Return the measured angles and rates."""
         return (Signal(JOINT_STATES, Joints()),)
 
-    @classmethod
-    def holds(cls, config: RunConfig) -> bool:
-        """Return whether a sample may be repeated: a rate, jitter or loss."""
-        return repeats(config.encoder)
-
-    @classmethod
-    def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for keys of the channel that are invalid together."""
-        check_channel(cls.NAME, config.encoder, Timeline.of(config.run).period_ns)
-
     def __init__(self, config: RunConfig) -> None:
         from flexarm_ros.core.sensing.sensors import Encoder
 
         self.sensor = Encoder(config)
-        self._measure = self.sensor.measure
+        self.channel, self._measure = self.sensor.channel, self.sensor.measure
         self.retune = self.sensor.retune  # type: ignore[method-assign]
 
     def answer(self, k: int, state: State) -> Measurement:
         """Return stamp, theta1, theta2 and their rates."""
         return self._measure(k, state.positions, state.rates)
 
-    def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` for keys that the channel cannot take."""
-        self.sensor.channel.check(config.encoder)
 
-
-class TipSensorPart(Answer):
+class TipSensorPart(Measuring):
     """The sensor of a point of link 2, and those of ``tip_sensor.more_locations``."""
 
     NAME = 'tip_sensor'
-    READS = (STATE,)
-    LATE = True
     SHARED = ('location', 'more_locations', 'rate')
 
     @classmethod
@@ -89,16 +70,6 @@ class TipSensorPart(Answer):
         return tuple(cls._signal(config, f'_{number}') for number in further)
 
     @classmethod
-    def holds(cls, config: RunConfig) -> bool:
-        """Return whether a sample may be repeated: a rate, jitter or loss."""
-        return repeats(config.tip_sensor)
-
-    @classmethod
-    def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for keys of the channel that are invalid together."""
-        check_channel(cls.NAME, config.tip_sensor, Timeline.of(config.run).period_ns)
-
-    @classmethod
     def _signal(cls, config: RunConfig, suffix: str) -> Signal:
         variance = config.tip_sensor.noise_std * config.tip_sensor.noise_std
         return Signal(TIP + suffix, PlanarPoint(f'tip_sensor{suffix}', variance))
@@ -107,7 +78,9 @@ class TipSensorPart(Answer):
         from flexarm_ros.core.sensing.sensors import further_sensors, TipSensor
 
         self.sensors = (TipSensor(config), *further_sensors(config))
-        self._measure, self._alone = self.sensors[0].measure, len(self.sensors) == 1
+        first = self.sensors[0]
+        self.channel, self._measure = first.channel, first.measure
+        self._alone = len(self.sensors) == 1
 
     def answer(self, k: int, state: State) -> Any:
         """Return stamp, x, y, vx, vy; a tuple of such tuples with several sensors."""
@@ -115,10 +88,6 @@ class TipSensorPart(Answer):
         if self._alone:
             return self._measure(k, q, qd)
         return tuple([sensor.measure(k, q, qd) for sensor in self.sensors])
-
-    def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` for keys that the channel cannot take."""
-        self.sensors[0].channel.check(config.tip_sensor)
 
     def retune(self, config: RunConfig) -> None:
         """Apply latency and noise to the sensors."""

@@ -35,7 +35,29 @@ if TYPE_CHECKING:
     from flexarm_ros.core.sensing.channel import Channel
 
 
-class Sensor(Answer):
+class Measuring(Answer):
+    """A part whose measurements travel through ``channel``, by the keys of its section."""
+
+    READS: ClassVar[tuple[str, ...]] = (STATE,)
+    LATE = True
+    channel: Channel
+
+    @classmethod
+    def check(cls, config: RunConfig) -> None:
+        """Raise ``ValueError`` for keys of the channel that are invalid together."""
+        check_channel(cls.NAME, config.section(cls.NAME), Timeline.of(config.run).period_ns)
+
+    @classmethod
+    def holds(cls, config: RunConfig) -> bool:
+        """Return whether a sample may be repeated: a rate, jitter or loss."""
+        return repeats(config.section(cls.NAME))
+
+    def check_live(self, config: RunConfig) -> None:
+        """Raise ``ValueError`` for live parameters that the channel cannot take."""
+        self.channel.check(config.section(self.NAME))
+
+
+class Sensor(Measuring):
     """
     A part that measures at each tick; its first signal has the values of `sample`, in order.
 
@@ -44,9 +66,6 @@ class Sensor(Answer):
 
     ``parameters`` is its section; ``noise`` gives normal numbers, seeded by ``seed`` and the name.
     """
-
-    READS: ClassVar[tuple[str, ...]] = (STATE,)
-    LATE = True
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -59,16 +78,6 @@ class Sensor(Answer):
         self.parameters: Any = config.section(self.NAME)
         self.noise = Noise(config.run.seed, self.NAME)
         self.channel = self.make_channel(config)
-
-    @classmethod
-    def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for keys of the channel that are invalid together."""
-        check_channel(cls.NAME, config.section(cls.NAME), Timeline.of(config.run).period_ns)
-
-    @classmethod
-    def holds(cls, config: RunConfig) -> bool:
-        """Return whether a sample may be repeated: a rate, jitter or loss."""
-        return repeats(config.section(cls.NAME))
 
     def make_channel(self, config: RunConfig) -> Channel:
         """Return what delivers the samples, by the keys of `ChannelParameters`."""
@@ -97,10 +106,6 @@ class Sensor(Answer):
             stamp, values = arrived
             self._held = (stamp, *self.read(list(values)))
         return self._held
-
-    def check_live(self, config: RunConfig) -> None:
-        """Raise ``ValueError`` for live parameters that the channel cannot take."""
-        self.channel.check(config.section(self.NAME))
 
     def retune(self, config: RunConfig) -> None:
         """Take the live parameters from the next tick on."""

@@ -79,17 +79,21 @@ def _counted(angle: float, resolution: float) -> float:
     return angle
 
 
-class Encoder:
-    """The joint encoders: angles (rad) and rates (rad/s) of theta1 and theta2."""
+class _RequiredSensor:
+    """What encoder and tip sensor share: channel, noise, and the reading that is held."""
 
-    def __init__(self, config: RunConfig) -> None:
-        parameters = config.encoder
+    resolution = 0.0
+
+    def __init__(
+        self, name: str, config: RunConfig, number: int = 0, model: str = 'buffer'
+    ) -> None:
+        parameters, seed = config.section(name), config.run.seed
+        self._name = name
         self.channel = LatencyChannel(
-            'encoder', parameters, Timeline.of(config.run), 4, config.run.seed
+            name, parameters, Timeline.of(config.run), 4, seed, model=model, number=number
         )
-        self.noise = Noise(config.run.seed, 'encoder')
-        self.resolution, self.noise_std = parameters.resolution, parameters.noise_std
-        self.offset = parameters.offset if any(parameters.offset) else None
+        self.noise = Noise(seed, f'{name}{number or ""}')
+        self.noise_std: float = parameters.noise_std
         self.held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
 
     def retune(self, config: RunConfig) -> None:
@@ -98,8 +102,33 @@ class Encoder:
 
         Raises ``ValueError`` for those that the channel cannot take.
         """
-        self.channel.retune(config.encoder)
-        self.resolution, self.noise_std = config.encoder.resolution, config.encoder.noise_std
+        parameters = config.section(self._name)
+        self.channel.retune(parameters)
+        self.noise_std = parameters.noise_std
+
+    def follow(self, measurement: Measurement) -> None:
+        """Continue after ticks of compiled code, of which ``measurement`` was the last answer."""
+        self.held = measurement
+        self.channel.follow()
+
+    def record(self) -> Readout:
+        """Return the sensor for compiled code, with the parameters of this tick."""
+        return Readout(self.channel.record(), self.noise_std, self.resolution)
+
+
+class Encoder(_RequiredSensor):
+    """The joint encoders: angles (rad) and rates (rad/s) of theta1 and theta2."""
+
+    def __init__(self, config: RunConfig) -> None:
+        super().__init__('encoder', config)
+        self.resolution = config.encoder.resolution
+        offset = config.encoder.offset
+        self.offset = offset if any(offset) else None
+
+    def retune(self, config: RunConfig) -> None:
+        """As `_RequiredSensor.retune`, with the resolution."""
+        super().retune(config)
+        self.resolution = config.encoder.resolution
 
     def measure(self, k: int, q: Values, qd: Values) -> Measurement:
         """
@@ -119,17 +148,8 @@ class Encoder:
         self.held = (stamp, a, b, c, d)
         return self.held
 
-    def follow(self, measurement: Measurement) -> None:
-        """Continue after ticks of compiled code, of which ``measurement`` was the last answer."""
-        self.held = measurement
-        self.channel.follow()
 
-    def record(self) -> Readout:
-        """Return the sensor for compiled code, with the parameters of this tick."""
-        return Readout(self.channel.record(), self.noise_std, self.resolution)
-
-
-class TipSensor:
+class TipSensor(_RequiredSensor):
     """
     The position sensor ``tip_sensor.location`` m along the arm: x, y, vx, vy in ``base``.
 
@@ -141,26 +161,11 @@ class TipSensor:
     """
 
     def __init__(self, config: RunConfig, number: int = 0) -> None:
-        parameters = config.tip_sensor
         check_location(config)
+        parameters = config.tip_sensor
+        super().__init__('tip_sensor', config, number, parameters.latency_model)
         places = (parameters.location, *(parameters.more_locations or ()))
         self.point = make_point(config.plant, places[number], parameters.measurand == 'elastic')
-        self.channel = LatencyChannel(
-            'tip_sensor', parameters, Timeline.of(config.run), 4, config.run.seed,
-            model=parameters.latency_model, number=number,
-        )  # fmt: skip
-        self.noise = Noise(config.run.seed, f'tip_sensor{number or ""}')
-        self.noise_std = parameters.noise_std
-        self.held: Measurement = (0, 0.0, 0.0, 0.0, 0.0)
-
-    def retune(self, config: RunConfig) -> None:
-        """
-        Use the live parameters of ``config`` from the next tick on.
-
-        Raises ``ValueError`` for those that the channel cannot take.
-        """
-        self.channel.retune(config.tip_sensor)
-        self.noise_std = config.tip_sensor.noise_std
 
     def measure(self, k: int, q: FloatArray, qd: FloatArray) -> Measurement:
         """
@@ -175,15 +180,6 @@ class TipSensor:
                 x, y = read_out(x, y, self.noise_std, *self.noise.pair(), 0.0)
             self.held = (stamp, x, y, vx, vy)
         return self.held
-
-    def follow(self, measurement: Measurement) -> None:
-        """Continue after ticks of compiled code, of which ``measurement`` was the last answer."""
-        self.held = measurement
-        self.channel.follow()
-
-    def record(self) -> Readout:
-        """Return the sensor for compiled code, with the parameters of this tick."""
-        return Readout(self.channel.record(), self.noise_std, 0.0)
 
 
 def further_sensors(config: RunConfig) -> tuple[TipSensor, ...]:
