@@ -168,11 +168,7 @@ def _guarded(words: list[str]) -> int:
         status = _dispatch(words)
         sys.stdout.flush()
         return status
-    except SystemExit as leave:  # argparse: --help, --version and errors
-        return leave.code if isinstance(leave.code, int) else 0 if leave.code is None else 2
-    except KeyboardInterrupt:
-        return 130
-    except Exception as error:
+    except (Exception, SystemExit, KeyboardInterrupt) as error:  # the last two: of a plug-in
         if os.environ.get('FLEXARM_DEBUG', '0') not in ('', '0'):
             raise
         return _explain(words, error)
@@ -180,14 +176,17 @@ def _guarded(words: list[str]) -> int:
 
 def _dispatch(words: list[str]) -> int:
     parser = build_parser(words)
-    args = parser.parse_args(words)
-    if args.command is None:
-        parser.error('give a command')
+    try:
+        args = parser.parse_args(words)
+        if args.command is None:
+            parser.error('give a command')
+    except SystemExit as leave:  # --help, --version and errors
+        return leave.code if isinstance(leave.code, int) else 0 if leave.code is None else 2
     module = importlib.import_module(f'flexarm_ros.cli.{COMMANDS[args.command][0]}')
     return int(module.run(args))
 
 
-def _explain(words: list[str], error: Exception) -> int:
+def _explain(words: list[str], error: BaseException) -> int:
     """Print an error in one or two lines and return its exit status."""
     from flexarm_ros.scenario.errors import clip, PATH_WIDTH, ScenarioError
 
@@ -204,7 +203,7 @@ def _explain(words: list[str], error: Exception) -> int:
         )  # fmt: skip
         return 2 if isinstance(error, usage) else 1
     answers = sys.modules.get('flexarm_ros.core.run.answers')
-    if answers is not None and isinstance(error, answers.PartError):
+    if answers is not None and isinstance(error, (answers.PartError, answers.PartInterrupt)):
         print(f'{prefix}: error: {clip(str(error), 400)}', file=sys.stderr)
         return 1
     if isinstance(error, OSError):

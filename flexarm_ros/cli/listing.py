@@ -60,11 +60,23 @@ def run(args: argparse.Namespace) -> int:
 def _laws() -> Iterable[tuple[str, str]]:
     """Return the laws that a scenario can name, and where each comes from."""
     from flexarm_ros.core.control import BUILT_IN
-    from flexarm_ros.scenario.plugins.registry import installed_laws, package_of
+    from flexarm_ros.scenario.plugins.registry import installed_laws, LAW_GROUP, package_of
 
     yield from ((name, 'flexarm_ros') for name in BUILT_IN)
     for name, point in sorted(installed_laws().items()):
         yield name, f'{package_of(point)} ({point.value})'
+    yield from _ignored(LAW_GROUP)
+
+
+def _ignored(group: str) -> Iterable[tuple[str, str]]:
+    """Return the entry points that cannot be used because their name is taken."""
+    from flexarm_ros.scenario.plugins.registry import ignored, package_of
+
+    for point in ignored(group):
+        yield (
+            point.name,
+            (f'ignored, the name is one of flexarm_ros: {package_of(point)} ({point.value})'),
+        )
 
 
 def _parts() -> Iterable[tuple[str, str]]:
@@ -72,7 +84,7 @@ def _parts() -> Iterable[tuple[str, str]]:
     from flexarm_ros import scenario
     from flexarm_ros.core.run.parts import part_of, PARTS
     from flexarm_ros.scenario.errors import ScenarioError
-    from flexarm_ros.scenario.plugins.registry import installed_parts, package_of
+    from flexarm_ros.scenario.plugins.registry import installed_parts, package_of, PART_GROUP
 
     for part in PARTS:
         optional = part.Parameters is not None
@@ -86,6 +98,7 @@ def _parts() -> Iterable[tuple[str, str]]:
         except ScenarioError as error:
             topics = f'cannot be used: {error}'
         yield name, f'{topics} (optional, {package_of(point)})'
+    yield from _ignored(PART_GROUP)
 
 
 def _print_table(rows: list[tuple[str, str]]) -> None:

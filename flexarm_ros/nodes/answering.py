@@ -20,6 +20,7 @@ import copy
 from typing import Any
 
 from flexarm_ros.core.parameters.sections import RunConfig
+from flexarm_ros.core.run.answers import make_part
 from flexarm_ros.core.run.part import Answer, STATE
 from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.core.run.state import MessageState
@@ -39,7 +40,7 @@ class AnsweringNode(Participant):
         kind = part_of(self.ROLE)
         assert issubclass(kind, Answer)
         reads = kind.reads(self.config)
-        self._part = kind(self.config)
+        self._part = make_part(kind, self.config)
         self._late = kind.LATE
         self._reads = [self.inputs[name] for name in reads]
         self._state = self.inputs[STATE] if STATE in reads else None

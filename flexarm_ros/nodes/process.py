@@ -31,6 +31,7 @@ from flexarm_ros.core.run.parts import known_parts
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.classes import class_of, has_own_node, module_of
 from flexarm_ros.nodes.runtime.ending import describe
+from flexarm_ros.nodes.runtime.errors import ANY_ERROR
 from flexarm_ros.nodes.runtime.lockstep import spin
 from flexarm_ros.nodes.runtime.parameters.declared import parameter_files
 from flexarm_ros.nodes.runtime.participant import Participant
@@ -159,7 +160,7 @@ def _serve(executor: SingleThreadedExecutor, nodes: list[Participant]) -> None:
     try:
         with suppress(ExternalShutdownException, ROSInterruptException):
             executor.spin()
-    except Exception as error:
+    except ANY_ERROR as error:
         for node in nodes:
             node.crashed = describe(error)
 

@@ -390,7 +390,7 @@ def build(
     config = replace(config, torques=torques, pace=PaceParameters(**pace))
     if torque_base is not None:
         config = with_columns(config, torque_base)
-    check_plugins(config, whole)
+    check_plugins(config)
     if whole:
         check(config)
     return config

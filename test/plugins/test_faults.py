@@ -26,14 +26,16 @@ from flexarm_ros import cli, scenario
 from flexarm_ros.core.control import Law
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.parameters.spec import parameter
-from flexarm_ros.core.run.answers import PartError
+from flexarm_ros.core.run.answers import PartError, PartInterrupt
 from flexarm_ros.core.run.loop import ClosedLoop
 from flexarm_ros.core.run.part import Answer, Column
 from flexarm_ros.core.run.parts import PLUGINS, register_part
 from flexarm_ros.core.sensing.sensor import Sensor
 from flexarm_ros.core.signals import Joints, Signal
 from flexarm_ros.scenario.plugins.declarations import check_part
+from flexarm_ros.scenario.plugins.registry import LAW_GROUP, PART_GROUP
 import pytest
+from strangertools import forget_installed
 
 TOPIC = 'odd/out'
 
@@ -75,6 +77,14 @@ def _raise(*_: Any) -> Any:
     raise KeyError('gone')
 
 
+def _leave(*_: Any) -> Any:
+    raise SystemExit(3)
+
+
+def _interrupt(*_: Any) -> Any:
+    raise KeyboardInterrupt
+
+
 def _made(base: type = Answer, **entries: Any) -> type[Any]:
     """Return the class of a part that publishes one number."""
     held = {
@@ -113,7 +123,9 @@ def test_a_class_with_a_wrong_declaration_is_refused(kind: type[Any], text: str)
         ({'READS': ('no/topic',)}, 'odd: reads no/topic, which no part of this scenario pub'),
         ({'reads': classmethod(_raise)}, "KeyError: 'gone'"),
         ({'signals': classmethod(_raise)}, "KeyError: 'gone'"),
-        ({'check': classmethod(_raise)}, "KeyError: 'gone'"),
+        ({'check': classmethod(_raise)}, f"odd ({__name__}:Odd): KeyError: 'gone'"),
+        ({'signals': classmethod(_leave)}, f'odd ({__name__}:Odd): SystemExit: 3'),
+        ({'check': classmethod(_leave)}, f'odd ({__name__}:Odd): SystemExit: 3'),
         ({'signals': _signals()}, 'signals: none'),
         ({'signals': _signals(Signal(TOPIC, None))}, 'is not a Signal with a content'),  # type: ignore[arg-type]
         ({'signals': _signals(Signal('/odd', Joints()))}, '/odd is not a relative topic name'),
@@ -149,6 +161,12 @@ def test_a_declaration_that_the_scenario_cannot_have_is_named(
          'odd: tick 7: ValueError: a value for odd/out is not finite'),
         ({'LATE': True}, 'odd: tick 0: TypeError'),
         ({'LATE': True, 'answer': lambda self, k: (0,)}, '0 values for odd/out, which has 1'),
+        ({'LATE': True, 'answer': lambda self, k: (1000000000 + 1000000 * k + (k == 5), 1.0)},
+         'odd: tick 5: ValueError: stamp 1005000001 ns of odd/out is after that of the tick'),
+        ({'__init__': _leave}, f'odd: SystemExit: 3 ({__name__}:Odd)'),
+        ({'answer': _leave}, f'odd: tick 0: SystemExit: 3 ({__name__}:Odd)'),
+        ({'__init__': _interrupt}, f'odd: KeyboardInterrupt ({__name__}:Odd)'),
+        ({'answer': _interrupt}, f'odd: tick 0: KeyboardInterrupt ({__name__}:Odd)'),
     ],
 )  # fmt: skip
 def test_a_part_that_fails_in_the_run_is_named_with_its_tick(
@@ -187,14 +205,63 @@ def _law(torque: Callable[..., Any], **entries: Any) -> type[Law]:
         (_law(lambda *_: None), r'^controller \(Odd\): tick 0: TypeError'),
         (_law(lambda *_: ('a', 'b')), r'^controller \(Odd\): tick 0: TypeError'),
         (_law(lambda *_: (0.0, 0.0, 0.0)), '3 values for joint_command, which has 2'),
+        (_law(_leave), rf'^controller \(Odd\): tick 0: SystemExit: 3 \({__name__}:Odd\)'),
+        (_law(_leave, __init__=_leave), rf'^controller: SystemExit: 3 \({__name__}:Odd\)'),
+        (_law(_interrupt), r'^controller \(Odd\): tick 0: KeyboardInterrupt'),
     ],
 )
 def test_a_law_that_fails_is_named_with_its_tick(
     registry: None, law: type[Law], text: str
 ) -> None:
-    with pytest.raises(PartError, match=text) as caught:
+    with pytest.raises((PartError, PartInterrupt), match=text) as caught:
         fa.simulate('pd_tip', law=law, duration=0.02)
     assert caught.value.__cause__ is not None
+
+
+@pytest.mark.parametrize(
+    ('setting', 'named'),
+    [
+        ('controller.law=leaving:Law', 'controller.law: leaving:Law'),
+        ('leaver.gain=1', 'leaver (leaving:Part)'),
+    ],
+)
+def test_a_module_that_ends_the_program_is_named(
+    registry: None, tmp_path: Path, setting: str, named: str, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    (tmp_path / 'leaving.py').write_text('import sys\nsys.exit(0)\n')
+    _install(tmp_path, monkeypatch, f'[{PART_GROUP}]\nleaver = leaving:Part\n')
+    assert cli.main(['simulate', 'pd_tip', '--set', setting, '--out', '/nowhere/x']) == 2
+    error = capsys.readouterr().err
+    assert f'{named}: cannot be imported: SystemExit: 0' in error
+    assert len(error.splitlines()) == 1
+
+
+def _install(place: Path, monkeypatch: pytest.MonkeyPatch, entry_points: str) -> None:
+    """Put a distribution ``rival`` with these entry points on the path."""
+    metadata = place / 'rival-1.0.dist-info'
+    metadata.mkdir()
+    (metadata / 'METADATA').write_text('Metadata-Version: 2.1\nName: rival\nVersion: 1.0\n')
+    (metadata / 'entry_points.txt').write_text(entry_points)
+    monkeypatch.syspath_prepend(place)
+    forget_installed()
+
+
+def test_an_entry_point_with_a_name_of_ours_is_listed_as_ignored(
+    registry: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    taken = (
+        f'[{LAW_GROUP}]\npd = rival.laws:Pd\n[{PART_GROUP}]\nimu = rival:Imu\nrun = rival:Run\n'
+    )
+    _install(tmp_path, monkeypatch, taken)
+    assert cli.main(['list', '--parts', '--list-laws']) == 0
+    lines = [line.split(None, 1) for line in capsys.readouterr().out.splitlines() if ' ' in line]
+    why = 'ignored, the name is one of flexarm_ros: rival'
+    assert [name for name, text in lines if text == f'{why} (rival.laws:Pd)'] == ['pd']
+    assert [name for name, text in lines if text.startswith(f'{why} (rival:')] == ['imu', 'run']
+    assert len([name for name, _ in lines if name == 'pd']) == 2
+    scenario.load('pd_tip', ['imu.rate=0'])
 
 
 def test_a_law_whose_torque_is_not_finite_makes_the_run_unstable(registry: None) -> None:

@@ -32,6 +32,7 @@ from flexarm_ros.core.run.part import Answer, COMMAND, STATE
 from flexarm_ros.core.run.parts import answering, signals
 from flexarm_ros.core.run.state import State
 from flexarm_ros.core.signals import Signal
+from flexarm_ros.core.timeline import Timeline
 
 Step = Callable[[int], None]
 
@@ -114,24 +115,30 @@ class PartError(RuntimeError):
     """A part or law from outside this package has raised, or its message is invalid."""
 
 
+class PartInterrupt(KeyboardInterrupt):
+    """KeyboardInterrupt within a part or law from outside: raised by it, or by the user."""
+
+
 def make_part(kind: type[Answer], config: RunConfig) -> Answer:
     """Create a part; PartError if one from outside this package, or a law, cannot be created."""
     own_law = config.controller.law in OWN_LAWS and kind.NAME == 'controller'
     if kind.__module__.partition('.')[0] == __name__.partition('.')[0] and not own_law:
         return kind(config)
+    source = _source(_law(config) if own_law else kind)
     try:
         part = kind(config)
-    except Exception as error:
-        raise PartError(f'{kind.NAME}: {_described(error)}') from error
-    part.answer = _Checked(part, config)  # type: ignore[method-assign]
+    except (Exception, SystemExit, KeyboardInterrupt) as error:
+        raise _failure(kind.NAME, error, source) from error
+    part.answer = _Checked(part, config, source)  # type: ignore[method-assign]
     return part
 
 
 class _Checked:
     """The answers of ``part``, checked."""
 
-    def __init__(self, part: Answer, config: RunConfig) -> None:
-        self._part, self._answer, self._late = part, part.answer, part.LATE
+    def __init__(self, part: Answer, config: RunConfig, source: str) -> None:
+        self._part, self._answer, self._late, self._source = part, part.answer, part.LATE, source
+        self._timeline = Timeline.of(config.run)
         self._signals = (*part.signals(config), *part.further_signals(config))
 
     def __call__(self, k: int, *inputs: Any) -> Any:
@@ -139,16 +146,18 @@ class _Checked:
             answer = self._answer(k, *inputs)
             messages = answer if len(self._signals) > 1 else (answer,)
             for signal, message in zip(self._signals, messages, strict=True):
-                self._check(signal, message)
-        except Exception as error:
-            raise PartError(f'{self._part.title}: tick {k}: {_described(error)}') from error
+                self._check(k, signal, message)
+        except (Exception, SystemExit, KeyboardInterrupt) as error:
+            raise _failure(f'{self._part.title}: tick {k}', error, self._source) from error
         return answer
 
-    def _check(self, signal: Signal, message: Any) -> None:
+    def _check(self, k: int, signal: Signal, message: Any) -> None:
         """Raise ``ValueError`` or ``TypeError`` for a message that no node could send."""
         values = message[1:] if self._late else message
-        if self._late:
-            index(message[0])
+        if self._late and index(message[0]) > (now := self._timeline.stamp_ns(k)):
+            raise ValueError(
+                f'stamp {message[0]} ns of {signal.name} is after that of the tick, {now} ns'
+            )
         if len(values) != signal.content.width:
             raise ValueError(
                 f'{len(values)} values for {signal.name}, which has {signal.content.width}'
@@ -158,5 +167,18 @@ class _Checked:
             raise ValueError(f'a value for {signal.name} is not finite: {tuple(values)}')
 
 
-def _described(error: Exception) -> str:
-    return f'{type(error).__name__}: {error}'
+def _law(config: RunConfig) -> type:
+    from flexarm_ros.core.control import LAWS
+
+    return LAWS[config.controller.law]
+
+
+def _source(kind: type) -> str:
+    """Return where a class is defined, as an entry point names it."""
+    return f'{kind.__module__}:{kind.__qualname__}'
+
+
+def _failure(where: str, error: BaseException, source: str) -> PartError | PartInterrupt:
+    kind = PartInterrupt if isinstance(error, KeyboardInterrupt) else PartError
+    said = ': '.join(filter(None, (type(error).__name__, str(error))))
+    return kind(f'{where}: {said} ({source})')

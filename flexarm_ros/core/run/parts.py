@@ -158,4 +158,19 @@ def columns(config: RunConfig) -> tuple[Column, ...]:
 def check_parts(config: RunConfig) -> None:
     """Raise ``ValueError`` if the scenario is invalid for a part."""
     for part in parts_of(config):
-        part.check(config)
+        try:
+            part.check(config)
+        except (Exception, SystemExit) as error:
+            if part.NAME not in PLUGINS:
+                raise
+            raise outside_error(part, error) from error
+
+
+def outside_error(part: type[Part], error: BaseException) -> ValueError:
+    """Return the error of a part of another package as one that names the part's class."""
+    text = str(error)
+    if not isinstance(error, ValueError):
+        text = f'{type(error).__name__}: {text}'
+    elif text.startswith(part.NAME):  # a key of its section
+        return error
+    return ValueError(f'{part.NAME} ({part.__module__}:{part.__qualname__}): {text}')

@@ -19,6 +19,7 @@ from __future__ import annotations
 import time
 import traceback
 
+from flexarm_ros.core.run.answers import PartError, PartInterrupt
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
 from flexarm_ros.nodes.runtime.errors import NeverMet, RunFailed
 from flexarm_ros.nodes.runtime.joining.membership import Membership
@@ -47,12 +48,15 @@ class Ending:
         self._me, self._membership, self._diagnostics = me, membership, diagnostics
         self._closed = False
 
-    def failure_of(self, error: Exception) -> RunFailed:
+    def failure_of(self, error: BaseException) -> RunFailed:
         """Return ``error`` as RunFailed; the traceback of an unexpected one goes to the log."""
         if isinstance(error, RunFailed):
             return error
         me = self._me
         me.get_logger().error(''.join(traceback.format_exception(error)))
+        if isinstance(error, (PartError, PartInterrupt)):
+            blame, _, reason = ' '.join(str(error).split())[:300].partition(': ')
+            return RunFailed(blame, reason)
         return RunFailed(me.ROLE, f'tick {me.tick}: {describe(error)}')
 
     def finish(self) -> None:

@@ -23,7 +23,7 @@ from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.nodes.realtime.system import ask_all_threads
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
 from flexarm_ros.nodes.runtime.ending import Ending
-from flexarm_ros.nodes.runtime.errors import RunFailed
+from flexarm_ros.nodes.runtime.errors import ANY_ERROR, RunFailed
 from flexarm_ros.nodes.runtime.joining.membership import Membership
 from flexarm_ros.nodes.runtime.joining.status import Phase, StatusBoard
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, MemberNode
@@ -166,7 +166,7 @@ class Participant(MemberNode):
                 moved = True
                 if not self.again:
                     break
-        except Exception as error:
+        except ANY_ERROR as error:
             self.ending.fail(self.ending.failure_of(error))
         if moved:
             self.waiting.progress()
@@ -185,7 +185,7 @@ class Participant(MemberNode):
         first = self.tick
         try:
             self.advance_fast(waiter, until)
-        except Exception as error:
+        except ANY_ERROR as error:
             self.ending.fail(self.ending.failure_of(error))
         self.fast_ticks += self.tick - first
         return any(entry.given_back for entry in self.inputs.values())
@@ -211,7 +211,7 @@ class Participant(MemberNode):
             return
         try:
             self.phases.poll(now)
-        except Exception as error:
+        except ANY_ERROR as error:
             self.ending.fail(self.ending.failure_of(error))
 
     def interrupt(self) -> None:

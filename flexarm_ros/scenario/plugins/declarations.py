@@ -35,7 +35,7 @@ from flexarm_ros.core.parameters.sections import (
 )
 from flexarm_ros.core.parameters.spec import KINDS
 from flexarm_ros.core.run.part import Answer, Column, Part
-from flexarm_ros.core.run.parts import PLUGINS
+from flexarm_ros.core.run.parts import outside_error, PLUGINS
 from flexarm_ros.core.sensing.sensor import Sensor
 from flexarm_ros.core.signals import Content, Signal
 from flexarm_ros.scenario.errors import clip, ScenarioError
@@ -99,28 +99,17 @@ def check_part(where: str, name: str, part: Any) -> None:
                 raise ScenarioError(f"{where}: the key {key} is the channel's, a {spec.kind}")
 
 
-def check_plugins(config: RunConfig, whole: bool = True) -> None:
-    """
-    Raise ScenarioError if a part of another package declares what cannot be in this scenario.
-
-    ``whole``: all sections are known, so that the part's own check is made too.
-    """
+def check_plugins(config: RunConfig) -> None:
+    """Raise ScenarioError if a part of another package declares what cannot be in a scenario."""
     for part in PLUGINS.values():
         if config.section(part.NAME) is None:
             continue
-        where = f'{part.NAME} ({part.__module__}:{part.__qualname__})'
         try:
             reads, signals, own = part.reads(config), part.signals(config), part.columns(config)
             _check_topics(reads, signals, part.further_signals(config))
             _check_columns(part, config, own)
-            if whole:
-                part.check(config)
-        except ValueError as error:
-            text = str(error)
-            named = text.startswith(part.NAME)  # a key of its section
-            raise ScenarioError(clip(text if named else f'{where}: {text}', 400)) from None
-        except Exception as error:  # whatever the part does
-            raise ScenarioError(clip(f'{where}: {type(error).__name__}: {error}', 400)) from None
+        except (Exception, SystemExit) as error:  # whatever the part does
+            raise ScenarioError(clip(str(outside_error(part, error)), 400)) from None
 
 
 def _check_topics(reads: Any, signals: Any, further: Any) -> None:

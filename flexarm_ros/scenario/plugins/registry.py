@@ -47,16 +47,31 @@ _trusted = {'flexarm_ros.core.control'}
 
 @cache
 def installed_laws() -> dict[str, EntryPoint]:
-    """Return the entry points of laws by name; nothing is imported."""
-    return {point.name: point for point in entry_points(group=LAW_GROUP)}
+    """Return the entry points of laws by name, the `ignored` left out; nothing is imported."""
+    return _installed(LAW_GROUP)
 
 
 @cache
 def installed_parts() -> dict[str, EntryPoint]:
-    """Return the entry points of parts by name, this package's left out; nothing is imported."""
-    ours = {*(part.NAME for part in PARTS), *_RESERVED}
-    points = entry_points(group=PART_GROUP)
+    """Return the entry points of parts by name, the `ignored` left out; nothing is imported."""
+    return _installed(PART_GROUP)
+
+
+def _installed(group: str) -> dict[str, EntryPoint]:
+    points, ours = entry_points(group=group), _names_of_ours(group)
     return {point.name: point for point in points if point.name not in ours}
+
+
+def ignored(group: str) -> list[EntryPoint]:
+    """Return the entry points whose name a law, a part or an executable of this package has."""
+    ours = _names_of_ours(group)
+    return [point for point in entry_points(group=group) if point.name in ours]
+
+
+def _names_of_ours(group: str) -> set[str]:
+    if group == LAW_GROUP:
+        return {*specs(SECTIONS['controller'])['law'][1].choices}
+    return {*(part.NAME for part in PARTS), *_RESERVED}
 
 
 def _check_one(group: str, name: str) -> None:
@@ -175,7 +190,7 @@ def _imported(where: str, module: str, attribute: str) -> Any:
         found: Any = importlib.import_module(module)
         for part in attribute.split('.'):
             found = getattr(found, part)
-    except Exception as error:  # whatever the module does when it is imported
+    except (Exception, SystemExit) as error:  # whatever the module does when it is imported
         text = clip(' '.join(f'{type(error).__name__}: {error}'.split()), 200)
         hint = ''
         if isinstance(error, ModuleNotFoundError):
