@@ -34,7 +34,9 @@ from flexarm_ros.core.sensing.sensor import Sensor
 from flexarm_ros.core.signals import Joints, Signal
 from flexarm_ros.scenario.plugins.declarations import check_part
 from flexarm_ros.scenario.plugins.registry import LAW_GROUP, PART_GROUP
+from nodetools import flexarm
 import pytest
+from repository import ROOT
 from strangertools import forget_installed
 
 TOPIC = 'odd/out'
@@ -216,6 +218,31 @@ def test_a_law_that_fails_is_named_with_its_tick(
     with pytest.raises((PartError, PartInterrupt), match=text) as caught:
         fa.simulate('pd_tip', law=law, duration=0.02)
     assert caught.value.__cause__ is not None
+
+
+LEAVING = """
+from flexarm_ros.core.control import Law
+
+class Leaving(Law):
+    def torque(self, k, sample):
+        if k == 5:
+            raise {error}
+        return 0.0, 0.0
+"""
+
+
+@pytest.mark.nodes
+@pytest.mark.parametrize('error', ['SystemExit(0)', 'KeyboardInterrupt'])
+def test_a_node_whose_law_leaves_ends_the_run_with_its_name(
+    registry: None, tmp_path: Path, error: str, ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'leaving.py').write_text(LEAVING.format(error=error))
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{ROOT}')
+    words = ('--set', 'controller.law=leaving:Leaving', '--set', 'duration=0.05')
+    done = flexarm('run', 'pd_tip', '--compose', *words, '--out', tmp_path / 'run')
+    assert done.returncode == 1, done.stderr
+    said = error.replace('(', ': ').removesuffix(')')
+    assert f'controller (leaving:Leaving): tick 5: {said} (leaving:Leaving)' in done.stderr
 
 
 @pytest.mark.parametrize(
