@@ -32,6 +32,7 @@ from flexarm_ros.core.arm.kinematics import round_off
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run.results.columns import COLUMNS
+from flexarm_ros.core.run.results.metric_list import NAMES
 from flexarm_ros.core.run.results.trajectory_rows import Row
 from flexarm_ros.core.timeline import NS_PER_S, Timeline
 from flexarm_ros.core.trajectory import make_path, Switch
@@ -120,25 +121,26 @@ class Metrics:
 
     def result(self) -> dict[str, Any]:
         """
-        Return the metrics, ``None`` for a value that is not finite or unknown.
+        Return the metrics by `NAMES`, ``None`` for a value that is not finite or unknown.
 
         The overshoot of a switch that was not reached is ``None``.
         """
         self._flush()
         count = self._done
         rms, largest, tip_rms, tip_largest, deflection, torque = self._sums.tolist()
-        return {
-            'rms_error': _known(rms / count if count else math.nan, root=True),
-            'max_error': _known(largest if count else math.nan, root=True),
-            'tip_rms_error': _known(tip_rms / count if count else math.nan, root=True),
-            'tip_max_error': _known(tip_largest if count else math.nan, root=True),
-            'overshoot': self._padded(self._overshoot),
-            'max_overshoot': max(map(_finite_or_zero, self._overshoot), default=None),
-            'tip_overshoot': self._padded(self._tip_overshoot),
-            'max_deflection': _known(deflection if count else math.nan),
-            'max_torque': _known(torque if count else math.nan),
-            'ticks': count,
-        }
+        values = (
+            _known(rms / count if count else math.nan, root=True),
+            _known(largest if count else math.nan, root=True),
+            _known(tip_rms / count if count else math.nan, root=True),
+            _known(tip_largest if count else math.nan, root=True),
+            self._padded(self._overshoot),
+            max(map(_finite_or_zero, self._overshoot), default=None),
+            self._padded(self._tip_overshoot),
+            _known(deflection if count else math.nan),
+            _known(torque if count else math.nan),
+            count,
+        )
+        return dict(zip(NAMES, values, strict=True))
 
     def _padded(self, values: list[float]) -> list[float | None]:
         padded = [_known(value) for value in values]
