@@ -86,10 +86,10 @@ def linear_model(
     Return the arm of ``config`` with both sensors and their delays, about rest at a pose, rad.
 
     Outputs: the plant's coordinates and rates (undelayed), encoder and tip sensor as delivered,
-    the end deflections (undelayed).  Inputs: the torques at the joints.  Not included: drives
-    and the way of the command, the controller's rate, Coulomb friction, noise, encoder
-    resolution, jitter and loss, motion of the pose.  Raises ``ValueError``, naming the key, for
-    a sensor slower than the tick (not time-invariant) and for a delay of too many ticks.
+    the end deflections (undelayed).  Inputs: the torques at the joints.  Not included: drives and
+    the channel of the command, the controller's rate, Coulomb friction, noise, encoder resolution,
+    jitter and loss, motion of the pose.  Raises ``ValueError``, naming the key, for a sensor
+    slower than the tick (not time-invariant) and for a delay of too many ticks.
     """
     arm = linearise(config, theta2, theta1)
     size = len(arm.mass)

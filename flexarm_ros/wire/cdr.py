@@ -183,7 +183,7 @@ class Codec:
             return generic_decode.values(self.type_name, data, self.fields)
 
     def prepare_any(self) -> None:
-        """Load now, 0.1 s, what the first message of another layout takes in `decode_any`."""
+        """Import now (0.1 s) what `decode_any` needs for the first message of another layout."""
         from flexarm_ros.wire import generic_decode
 
         generic_decode.values(self.type_name, self.template, self.fields)
@@ -326,8 +326,9 @@ class ImuCodec(Codec):
     """
     ``sensor_msgs/msg/Imu``: rate of turn about z (rad/s), acceleration along x, y (m/s^2).
 
-    There is no orientation: element 0 of its covariance is -1, as the message asks.  The other
-    covariances have the variances of the measured axes, and are 0 (unknown) where these are 0.
+    There is no orientation: element 0 of its covariance is -1, as the message definition requires.
+    The other covariances have the variances of the measured axes, and are 0 (unknown) where these
+    are 0.
     """
 
     def __init__(self, frame_id: str, gyro_variance: float, accel_variance: float) -> None:

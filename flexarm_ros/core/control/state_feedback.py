@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Joint state feedback, as rigs with motor encoders and strain gauges have it.
+Joint state feedback, as on rigs with motor encoders and strain gauges.
 
 The command of each joint is a current, from the errors of its angle, the deflection of its link
 as an angle, and the rates of both, which are filtered derivatives:

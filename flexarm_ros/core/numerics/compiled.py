@@ -73,7 +73,7 @@ class _Cache(_FunctionCache):  # type: ignore[misc]
 
 
 class _Collector(event.Listener):
-    """Stops Python's collector of garbage while numba compiles: it finds little to free."""
+    """Suspends Python's garbage collector while numba compiles: it would free little."""
 
     def __init__(self) -> None:
         self._depth, self._resume = 0, False
@@ -143,12 +143,12 @@ def interpreted(function: F) -> F:
 
 
 def _compiled(function: F, inline: Literal['never', 'always']) -> F:
-    # Nothing takes a compiled function as a callback of C, and each such entry takes a while.
+    # No function is used as a C callback, and compiling the entry point of one takes time.
     options: dict[str, Any] = {'no_cfunc_wrapper': True}
     result: Any = numba.njit(error_model='numpy', inline=inline, **options)(function)
     where = None if _config.DISABLE_JIT else code_cache.directory()
     if where is not None:
-        # Only while the cache is made: other packages keep theirs where they like.
+        # Only while the cache is created: other packages keep their own setting.
         before, _config.CACHE_DIR = _config.CACHE_DIR, str(where)
         try:
             result._cache = _Cache(result.py_func)

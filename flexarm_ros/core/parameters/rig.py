@@ -125,7 +125,7 @@ class ImuParameters(ChannelParameters):
 
 @dataclass(frozen=True)
 class ActuatorParameters(ChannelParameters):
-    """Section ``actuator``: the drives of both joints and the way of the command; ideal."""
+    """Section ``actuator``: the drives of both joints and the channel of the command."""
 
     bandwidth: tuple[float, float] = _key(
         (0.0, 0.0), 'float2', 'Hz', 'bandwidth of the torque loop of each drive, a first-order '

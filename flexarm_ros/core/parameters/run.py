@@ -23,7 +23,7 @@ from flexarm_ros.core.parameters.spec import parameter as _key
 
 @dataclass(frozen=True)
 class RunParameters:
-    """Section ``/**``: parameters of the run as a whole."""
+    """Section ``/**``: parameters that all nodes of a run share."""
 
     control_period: float = _key(
         0.001, 'float', 's', 'control period, one tick', low=0.0, low_open=True,

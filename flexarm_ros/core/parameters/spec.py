@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How a parameter is described, and the check of its value.
+Description of a parameter, and the check of its value.
 
-What is allowed for a key is its :class:`Spec`; :func:`check` holds a value against it,
-whether the value comes from a file, from a ROS parameter, from a bag or from a caller.
+What is allowed for a key is its :class:`Spec`; :func:`check` checks a value from any source: a
+file, a ROS parameter, a bag or a caller.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Spec:
 
     @property
     def allowed(self) -> str:
-        """Return the choices, or the range with its unit, as text; empty if any value will do."""
+        """Return the choices, or the range with its unit, as text; empty if there is no limit."""
         if self.choices:
             return 'one of ' + ', '.join(self.choices)
         parts = []

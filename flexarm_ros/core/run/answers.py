@@ -112,7 +112,7 @@ class Answers:
 
 
 class PartError(RuntimeError):
-    """A part or law from outside this package has raised, or its message is invalid."""
+    """A part or law from outside this package raised an error, or its message is invalid."""
 
 
 class PartInterrupt(KeyboardInterrupt):

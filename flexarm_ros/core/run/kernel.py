@@ -45,10 +45,10 @@ Blocks
 
 Channels
     What is drawn at random depends on the seed and the tick alone, so that it is known before the
-    block: noise, and by latency, jitter, loss and rate which sample arrives at which tick.  The
-    channel that a node has as well says so (`LatencyChannel.plan`); the kernel takes each tick's
-    sample into a pool and reads from it the one that arrives (`Delivery`).  So does the controller
-    with its rate and delay (`ControllerPart.plan`).
+    block: noise, and by latency, jitter, loss and rate which sample arrives at which tick.
+    `LatencyChannel.plan`, of the channel that a node has as well, gives this; the kernel takes
+    each tick's sample into a pool and reads from it the one that arrives (`Delivery`).  So does
+    the controller with its rate and delay (`ControllerPart.plan`).
 
 Which runs
     `Kernel.of` is the one predicate: it returns ``None`` for a run with anything that the kernel
@@ -120,7 +120,7 @@ class LoopRecord(NamedTuple):
 
 class Way(NamedTuple):
     """
-    The way of a part's messages to their receiver in the n ticks of a block.
+    The transport of a part's messages to their receiver in the n ticks of a block.
 
     ``pool``, ``picks``: see `Delivery`; ``noise`` (n, 2): of each tick at which a sample arrives,
     or no rows; ``out`` (n, width): what the receiver has, row 0 at first that of the tick before.
@@ -382,7 +382,7 @@ class Kernel:
 
 
 def _sensor_way(sensor: Encoder | TipSensor, delivery: Delivery) -> Way:
-    """Return the way of a sensor's samples in a block, with the noise of those that arrive."""
+    """Return the transport of a sensor's samples in a block, with the noise of arriving ones."""
     count, arrives = len(delivery.picks), delivery.picks >= 0
     noise, out = _NO_NOISE, np.empty((count, 4))
     if sensor.noise_std > 0.0:

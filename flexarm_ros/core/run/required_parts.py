@@ -152,7 +152,7 @@ class ControllerPart(Answer):
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for a rate, delay or source of deflections that cannot be had."""
+        """Raise ``ValueError`` for an impossible rate, delay or source of deflections."""
         source = config.controller.deflection_source
         if source == StrainGaugePart.NAME and config.section(source) is None:
             raise ValueError(

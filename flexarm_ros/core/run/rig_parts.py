@@ -156,7 +156,7 @@ class DisturbancePart(Answer):
 
     @classmethod
     def check(cls, config: RunConfig) -> None:
-        """Raise ``ValueError`` for tables that are not whole."""
+        """Raise ``ValueError`` for tables that are incomplete or not in order of time."""
         held = config.section(cls.NAME)
         for file, names in TABLES.items():
             columns = [getattr(held, name) for name in names]

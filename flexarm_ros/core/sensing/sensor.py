@@ -15,8 +15,8 @@
 """
 A sensor as a part of a run: it samples, and a channel delivers the sample later.
 
-A subclass declares NAME, `Parameters`, `signals` and `sample`.  The channel is a piece of its own,
-put in by the declaration (`Sensor.make_channel`), so that each sensor has the same ones.
+A subclass declares NAME, `Parameters`, `signals` and `sample`.  The channel is an object of its
+own, created from the section (`Sensor.make_channel`), so that every sensor has the same channels.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from flexarm_ros.core.run.part import Answer, STATE
 from flexarm_ros.core.sensing.channel_keys import check_channel, repeats
 from flexarm_ros.core.timeline import Timeline
 
-# What a sensor computes with is imported when it is made: declarations are read by each command.
+# Numerics are imported when a sensor is created, since every command reads the declarations.
 if TYPE_CHECKING:
     from flexarm_ros.core.sensing.channel import Channel
 

@@ -63,8 +63,8 @@ FREE, BOUND = 0, 2
 MOST_EVENTS = 10
 """Events that are located per integration step.
 
-A drive may bounce off its joint ever faster, as a ball does that comes to rest; what is left of
-such a sequence is one plastic impact at the end of the step.
+A drive may bounce off its joint ever faster, as a ball does that comes to rest; the rest of such a
+sequence is replaced by one plastic impact at the end of the step.
 """
 
 _SEARCHES = 100
