@@ -50,8 +50,8 @@ def predict(
     mode
         As ``flexarm predict --mode``.
     window
-        Length of windows, s, each predicted from the state that the data before it give; None:
-        the whole recording, from rest.
+        Length of windows, s, each predicted from the state that the data before it give; None: the
+        complete recording, from rest.
     zero
         Take the offsets of strain channels from the first ``zero`` s of the data.
     overrides
@@ -112,7 +112,7 @@ def fit(
     -------
     Fit
         ``parameters`` has value, std, start and status of each key; ``channels`` and ``held_out``
-        tell how well the result fits; ``setting`` is the fitted scenario.
+        have the fit of each channel; ``setting`` is the fitted scenario.
 
     Raises
     ------

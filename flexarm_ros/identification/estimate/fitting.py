@@ -306,7 +306,7 @@ def _result(request: Request, search: Search) -> Fit:
 
 
 def _joined(parts: Sequence[tuple[Prediction, Any]]) -> dict[str, Channel]:
-    """Return the channels of several predictions, one after the other, where masks say so."""
+    """Return the channels of several predictions, one after the other, at the masks' samples."""
     found: dict[str, list[Channel]] = {}
     for prediction, mask in parts:
         for name, channel in prediction.channels.items():

@@ -87,7 +87,7 @@ class Search:
 
     @property
     def most_iterations(self) -> int:
-        """Return the largest number of iterations of the whole search."""
+        """Return the largest number of iterations of the search."""
         return (self.starts + 1) * self.most
 
     def run(self) -> Search:

@@ -39,7 +39,7 @@ TELLS = 0.5
 """Largest std, per value or per prior std, of a parameter that the data identify."""
 
 FREE_SCALE = 1e-5
-"""Information about a common scale, per that about each parameter, below which it is none."""
+"""Least information about a common scale, per that about each parameter, that counts."""
 
 
 def correlation_length(residual: FloatArray) -> int:
@@ -92,9 +92,9 @@ def score_covariance(jacobian: FloatArray, residual: FloatArray, lags: int) -> F
     of the covariances of the channels is too small (by half, in the linear case of the tests).
 
     The larger, in every direction, of two estimates with Bartlett's window: from the products
-    J_t^T r_t (Newey and West 1987), which see that residuals are larger where the arm moves, and
-    from the cross spectra of the residuals, which see what the fit took out of them at the
-    frequencies of the parameters.  The first alone is too small by a fifth for 6 s of filtered
+    J_t^T r_t (Newey and West 1987), which reflect that residuals are larger where the arm moves,
+    and from the cross spectra of the residuals, which allow for what the fit removed from them at
+    the frequencies of the parameters.  The first alone is too small by a fifth for 6 s of filtered
     noise.
     """
     channels, count, _ = jacobian.shape
@@ -132,7 +132,7 @@ def _lags(residual: FloatArray) -> int:
 
 def independent_samples(residual: FloatArray) -> float:
     """
-    Return how many independent samples have the information of residuals, (c, n), at least 1.
+    Return the equivalent number of independent samples of residuals, (c, n), at least 1.
 
     Each channel counts alike; channels that repeat one another count once.
     """
@@ -145,7 +145,7 @@ def independent_samples(residual: FloatArray) -> float:
 
 
 def _freedom(blocks: Sequence[Block], count: int) -> float:
-    """Return the factor on a variance for what ``count`` parameters took out of the residuals."""
+    """Return the factor on a variance that allows for the fit of ``count`` parameters."""
     samples = sum(independent_samples(residual) for _, residual in blocks)
     return samples / max(samples - count, 0.25 * samples)
 

@@ -15,5 +15,5 @@
 """
 The compiled model of a scenario's arm and sensor chain, and its motion between samples.
 
-Imports core, scenario and identification.setting; knows no recording.
+Imports core, scenario and identification.setting; independent of recordings.
 """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Compiled motion of the whole arm between samples, by the plant's own integrator.
+Compiled motion of the arm with its joints between samples, by the plant's own integrator.
 
 A state is ``(q, qd, s)``: joint angles and elastic coordinates (n), their rates (n), and for each
 gauge the state of its low-pass (value, rate; 4).

@@ -103,8 +103,9 @@ class Prediction:
     """
     A recording as a scenario predicts it.
 
-    ``window``: length of the windows that were predicted each from its start, s; None: whole.
-    ``offsets``: gauge offsets that were taken from the recording, in the unit of each channel.
+    ``window``: length of the windows that were predicted each from its start, s; None: the
+    complete recording. ``offsets``: gauge offsets that were taken from the recording, in the unit
+    of each channel.
     """
 
     recording: Recording
@@ -129,8 +130,8 @@ def predict(
     """
     Predict a recording by a scenario.
 
-    ``mode`` is one of `MODES`; ``window``: each window of this length, s, is predicted from
-    the state at its start, which follows from the past alone; None: the whole recording from rest.
+    ``mode`` is one of `MODES`; ``window``: each window of this length, s, is predicted from the
+    state at its start, which follows from the past alone; None: the complete recording from rest.
     ``zero``: the offsets of strain channels are taken from the first ``zero`` s.  Raises
     ScenarioError where the recording lacks a channel.
     """
@@ -167,8 +168,8 @@ def ringing_of(
     """
     Return the modes that ring while the joints are at rest, measured and predicted.
 
-    Predicted is the whole recording, driven by the measured joint angles.  From the strains, or
-    from the tip where no strain was recorded.
+    The complete recording is predicted, driven by the measured joint angles.  The modes are found
+    from the strains, or from the tip where no strain was recorded.
     """
     found = predict(recording, setting, 'driven', None, zero)
     rates = centred_rates(recording.pair('theta{}'), recording.period)

@@ -66,8 +66,8 @@ def ringing(
     Return the ``count`` least damped modes in the spans of some channels, slowest first.
 
     ESPRIT (Roy and Kailath 1989): the poles of all spans and channels together, of least squares
-    in the space of the strongest delayed samples; one more pair takes what forced motion is left,
-    a real pole offsets and drifts.  None for channels that are not finite.
+    in the space of the strongest delayed samples; one more pair accounts for the remaining forced
+    motion, a real pole for offsets and drifts.  None for channels that are not finite.
     """
     step = max(1, round(1.0 / (SAMPLES * period)))
     rows = max(2 * count + 6, round(PENCIL_S / (step * period)))

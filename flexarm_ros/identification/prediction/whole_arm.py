@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Predictions of the whole arm: from measured torques or currents, or in closed loop."""
+"""Predictions of the arm and its joints: from measured torques or currents, or in closed loop."""
 
 from __future__ import annotations
 
