@@ -58,7 +58,7 @@ class Report:
     remarks: list[str] = field(default_factory=list)
     """Remarks for the user, oldest first."""
     common: set[str] = field(default_factory=set)
-    """Remarks that several nodes make alike, of which the first is passed on."""
+    """Remarks that several nodes make; only the first of equal ones is passed on."""
 
     def take(self, line: dict[str, Any]) -> None:
         """Process one line of a node."""

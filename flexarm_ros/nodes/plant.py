@@ -85,7 +85,7 @@ class PlantNode(Participant):
             self.control.rtf = 1.0
 
     def make_endpoints(self) -> None:
-        """Create the endpoints; a free-running run has more, for what was held."""
+        """Create the endpoints; a free-running run has more, for the inputs that were held."""
         super().make_endpoints()
         for topic in self.inputs.copy().values():
             name = topic.topic.recorded_from

@@ -84,7 +84,7 @@ class TrajectoryNode(Participant):
         self._reference.retune(config)
 
     def advance(self) -> bool:
-        """Publish references up to `AHEAD` ticks beyond the plant's, at news of it."""
+        """Publish references up to `AHEAD` ticks beyond the plant's, when it reports progress."""
         before, news = self._reached.ticks, self._reached.update()
         if self._reached.ticks == before < self.tick:
             return news  # woken by something else: one burst for each report of the plant

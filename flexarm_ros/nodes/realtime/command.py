@@ -113,5 +113,5 @@ class AppliedInput(Input):
     """The commands that the plant has held, one per tick, in place of those on ``topic``."""
 
     def configure(self, topic: Topic, timeline: Timeline) -> None:
-        """Keep the topic: the agreed one is the controller's, with the same content."""
+        """Keep the own topic: ``topic`` is that of the controller, with the same content."""
         super().configure(self.topic, timeline)

@@ -17,7 +17,7 @@ Requests for steady timing: priority, CPU, locked memory; garbage collector, tur
 
 Each request is made if it is allowed, and reported in any case; a run needs none of them.
 Scheduling applies to one thread: `ask` leaves the other threads of the process, such as the
-middleware's, theirs, and `ask_all_threads` does not.
+middleware's, unchanged, and `ask_all_threads` does not.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def can_lock() -> bool:
 
 
 def _ask_priority(priority: int, threads: Iterable[int] = (0,), whose: str = '') -> str:
-    """Request it for these threads, 0: this one, which ``whose`` names in what is returned."""
+    """Request it for threads (0: this one); ``whose`` names them in the returned line."""
     wanted = f'SCHED_FIFO {priority}'
     for thread in threads:
         try:

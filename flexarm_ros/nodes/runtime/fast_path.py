@@ -16,8 +16,8 @@
 The fast path of a node: its messages into the buffers of its fused step.
 
 It serves a node that has a process of its own, a step (`flexarm_ros.wire.fused_step`) and inputs
-whose messages have sequence numbers (`Input.plain`).  Whatever is not as it should be is given
-back to the inputs, which then treat it as if it had just arrived.
+whose messages have sequence numbers (`Input.plain`).  Any other message is given back to the
+inputs, which treat it as newly arrived.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ class FastInputs:
         return all(entry.plain and entry.tick < tick for entry in self._entries)
 
     def read(self) -> bool:
-        """Wait for the messages of a tick; False if one does not arrive, or is not plain."""
-        self._waiter.wait(self._handles, _LONGEST_NS)  # to take before would fail at each tick
+        """Wait for the messages of a tick; False if one does not arrive, or is not usable here."""
+        self._waiter.wait(self._handles, _LONGEST_NS)  # a take before it would fail
         entry, buffer = self._last
         if not entry.read_into(buffer):
             return False

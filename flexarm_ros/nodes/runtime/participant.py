@@ -98,7 +98,7 @@ class Participant(MemberNode):
         raise NotImplementedError
 
     def advance_fast(self, waiter: Waiter, until: float) -> None:
-        """Do as `run_on`, by a role that has a fused step; others have no fast path."""
+        """Do `run_on` for a role that has a fused step; others have no fast path."""
 
     def have(self, *entries: Input) -> bool:
         """
@@ -174,11 +174,11 @@ class Participant(MemberNode):
 
     def run_on(self, waiter: Waiter, until: float) -> bool:
         """
-        Take the next ticks on the fast path, as far as they are plain.
+        Take the next ticks on the fast path, as long as it can handle them.
 
-        Returns at the wall time ``until``, s of `time.monotonic`, before the last tick, and with
-        the first tick that needs more: a message is missing or not plain, a parameter has changed.
-        True if messages of that tick have been taken, for which `drive` need not wait.
+        Returns at the wall time ``until``, s of `time.monotonic`, before the last tick, and at the
+        first tick that it cannot handle: a message is missing or unusual, or a parameter has
+        changed. True if messages of that tick have been taken, for which `drive` need not wait.
         """
         if self.finished or self.live.waiting:
             return False

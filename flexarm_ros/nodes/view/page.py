@@ -42,7 +42,7 @@ from urllib.parse import parse_qs, urlsplit
 from flexarm_ros.analysis.palette import style_sheet
 
 Command = Callable[[Mapping[str, Any]], str]
-"""Carries out a command; returns what went wrong, empty if nothing."""
+"""Carries out a command; returns the error, empty on success."""
 
 _CSS = 'text/css; charset=utf-8'
 _FILES = {
@@ -152,7 +152,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def handle_error(self, *_: Any) -> None:
-        """Say nothing of a browser that went away."""
+        """Ignore a browser that has disconnected."""
 
 
 class _Handler(BaseHTTPRequestHandler):

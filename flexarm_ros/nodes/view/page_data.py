@@ -110,7 +110,7 @@ def recording(run: str | os.PathLike[str], given: RunConfig | None = None) -> Ma
     """
     Return the description and at most `FRAMES` frames of a recorded run.
 
-    Raises BagError for what is no run, or has no scenario.
+    Raises BagError if the path is no run, or has no scenario.
     """
     reader = BagReader(run, given)
     config = reader.config

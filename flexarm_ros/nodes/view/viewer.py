@@ -58,7 +58,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 _SETTLING_S = 1.0
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Of the tip's measurements all that arrive between two frames: the lost ones are counted.
+# All tip measurements between two frames, so that lost ones can be counted.
 _ALL = QoSProfile(depth=500, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LATCHED = QoSProfile(
     depth=100,
@@ -158,9 +158,9 @@ class ViewerNode(Node):
 
     def _settled(self) -> bool:
         """
-        Whether the arm is the run's: a frame from before all nodes were heard shows another one.
+        Whether the arm is that of the run: it is known once every node has sent its status.
 
-        An external node is not heard: a second after the first state the others must do.
+        An external node sends none: one second after the first state the others suffice.
         """
         if self._complete:
             return True

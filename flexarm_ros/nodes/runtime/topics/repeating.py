@@ -23,10 +23,10 @@ from flexarm_ros.nodes.runtime.topics.channels import Input, Values
 
 class RepeatingInput(Input):
     """
-    One command a tick: where the controller skipped states, the one before, with their stamps.
+    One command per tick: for a skipped state the previous command, with the state's stamp.
 
-    Before the first command the values are zeros.  Each reader repeats the same, as stamps alone
-    decide.
+    Before the first command the values are zeros.  All readers repeat the same commands, because
+    the stamps alone determine them.
     """
 
     _last: Values
@@ -34,7 +34,7 @@ class RepeatingInput(Input):
 
     @property
     def plain(self) -> bool:
-        """Never: the stamp of each message says what is repeated before it."""
+        """False: the stamp of each message determines the repetitions before it."""
         return False
 
     def reset(self) -> None:
