@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def add_own_prefix() -> None:
     """
-    Put the environment that this runs in on ``AMENT_PREFIX_PATH``, for us and what we start.
+    Put this environment on ``AMENT_PREFIX_PATH``, for this process and its children.
 
     The prefix of a virtual environment is an ament prefix like any other; `ros2 run` finds a
     package by the marker in its ``share/ament_index``.
@@ -96,7 +96,7 @@ def real_ros2() -> str | None:
 
 
 def hand_over(real: str, arguments: list[str]) -> NoReturn:
-    """Replace this process by the real ``ros2``, without what the wheels put around it."""
+    """Replace this process by the real ``ros2``, without the environment of the wheels."""
     environment = dict(os.environ)
     environment.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None)
     libraries = environment.pop('LD_LIBRARY_PATH', '').split(os.pathsep)

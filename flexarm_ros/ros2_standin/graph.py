@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``ros2 node``: who is there."""
+"""``ros2 node``: nodes of the graph."""
 
 from __future__ import annotations
 

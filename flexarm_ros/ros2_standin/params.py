@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``ros2 param``: look at parameters and set them."""
+"""``ros2 param``: read and set parameters."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``ros2 service``: look at services and call them."""
+"""``ros2 service``: list and call services."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node that looks at the graph for a moment."""
+"""A short-lived node that reads the graph."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``ros2 topic``: what is published, and how often."""
+"""``ros2 topic``: topics, their messages and rates."""
 
 from __future__ import annotations
 
