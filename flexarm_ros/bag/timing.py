@@ -98,7 +98,7 @@ def read_timing(directory: Path) -> RunTiming | None:
     """
     Return the timing of the run in a directory, None if it did not run freely.
 
-    Raises BagContentError for a file that is not one of ours.
+    Raises BagContentError for a file of another format.
     """
     path = directory / FILE
     try:

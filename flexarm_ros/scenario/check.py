@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Checks of a scenario as a whole, beyond the Spec of each key.
+Checks across the keys of a scenario, beyond the Spec of each key.
 
 The core checks the conditions of its formulas (:mod:`flexarm_ros.core.run.checks`); here are the
 limits for files from untrusted sources.  Errors name the key, the value and what is allowed.

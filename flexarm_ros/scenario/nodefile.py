@@ -217,7 +217,7 @@ def read_node(
 def _take_other_roles(
     found: NodeParameters, node: NodeName, sections: dict[str, Section]
 ) -> None:  # fmt: skip
-    """Add what sections named after other roles give, of the node's own namespace."""
+    """Add the values of sections named after other roles in the node's own namespace."""
     namespace = node.name.rpartition('/')[0]
     for role in SECTIONS:
         if role in (WHOLE_RUN, node.role):

@@ -63,9 +63,9 @@ def load(source: PathLike | Iterable[PathLike], overrides: Iterable[str] = ()) -
     """
     Read a scenario and return it complete and checked.
 
-    ``source`` is a path, the name of a shipped scenario, or several of them (a later file
-    wins, as with several ``--params-file``).  ``overrides`` are texts ``node.key=value``
-    as after ``--set``; a key without a node means the whole run.
+    ``source`` is a path, the name of a shipped scenario, or several of them (a later file wins, as
+    with several ``--params-file``).  ``overrides`` are texts ``node.key=value`` as after
+    ``--set``; a key without a node is one of section ``/**``.
 
     Raises ScenarioError, one line.
     """
@@ -235,7 +235,7 @@ def _find_overriding_laws(overrides: Iterable[str]) -> None:
 
 def find_key(name: str) -> tuple[str, str]:
     """
-    Return ``(section, key)`` of a dotted name; without a node the whole run's.
+    Return ``(section, key)`` of a dotted name; without a node that of ``/**``.
 
     Raises ScenarioError with the nearest known name.
     """

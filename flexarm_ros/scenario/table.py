@@ -122,7 +122,7 @@ def with_tables(text: str) -> str:
 
 def put_between(text: str, begin: str, end: str, block: str) -> str:
     """
-    Return ``text`` with ``block``, on lines of its own, in the place of what two marks enclose.
+    Return ``text`` with ``block``, on lines of its own, in the place of the text between marks.
 
     Raises ValueError if a mark is missing, or the first one occurs twice.
     """

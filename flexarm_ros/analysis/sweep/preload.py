@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Imported by the process that the workers of a sweep are forks of: what all of them need.
+Modules and compiled code of the process from which the workers of a sweep are forked.
 
-A worker of which that process could not import this loads it by itself.
+If that process cannot import this module, each worker imports it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from flexarm_ros.core.warned import allow_warnings
 
 
 def prepare() -> None:
-    """Leave the process group of the command, and load what is compiled."""
+    """Leave the process group of the command, and load the compiled code."""
     os.setpgid(0, 0)
     allow_warnings()
     config = RunConfig()

@@ -51,7 +51,7 @@ Table = dict[str, list[Cell]]
 
 
 class StoreError(Exception):
-    """The directory holds something else, or is in use."""
+    """The directory belongs to something other than this sweep, or is in use."""
 
 
 class SweepStore:

@@ -15,11 +15,11 @@
 """
 Recovery of a damaged bag into a new one.
 
-Each chunk has a checksum and is kept whole or not at all.  After damage the search continues
+Each chunk has a checksum and is kept completely or not at all.  After damage the search continues
 at the next intact chunk.  Messages outside of chunks (files of other writers) are kept up to the
 first damage.  Scenario and provenance are in attachments with their own checksums, the scenario
-also in a metadata record.  If both are lost, messages are still recovered, but the new bag
-cannot be run again.
+also in a metadata record.  If both are lost, messages are still recovered, but the new bag cannot
+be run again.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class Rescue:
 
     @property
     def status(self) -> int:
-        """Exit status: 0 whole, 3 in part, 1 nothing."""
+        """Exit status: 0 complete, 3 in part, 1 nothing."""
         return 0 if self.whole else 3 if self.kept else 1
 
     def note(self, text: str) -> None:
@@ -144,10 +144,9 @@ def recover(
     """
     Copy the intact part of the bag of RUN into the new directory ``new_bag``.
 
-    ``watch`` is called with the share that is done, 0 to 1, record by record.
-    Nothing is created where nothing can be rescued.  Raises BagError where RUN
-    has no file to look at or the new bag cannot be written (nothing of it is
-    left then), BagExistsError where ``new_bag`` exists.
+    ``watch`` is called with the share that is done, 0 to 1, record by record.  Nothing is created
+    if no message can be rescued.  Raises BagError if RUN has no file to read, or if the new bag
+    cannot be written (it is then removed), BagExistsError if ``new_bag`` exists.
     """
     path, target = find_bag(run), Path(new_bag)
     if os.path.lexists(target):

@@ -75,7 +75,7 @@ _SHOWN = 8
 @dataclass
 class Match:
     """
-    The result of a survey of the whole bag.
+    The result of a survey of a bag.
 
     ``index``: for each file, ``{channel: topic}``.  ``names``: for each topic in the bag, its
     name there.  ``ticks``: for each topic, the tick of each message in the order of the bag.

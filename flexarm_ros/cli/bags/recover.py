@@ -35,7 +35,7 @@ def add_parser(make: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover the bag; return 0 (whole), 3 (in part) or 1 (nothing)."""
+    """Recover the bag; return 0 (complete), 3 (in part) or 1 (nothing)."""
     from flexarm_ros.bag.mcap.recover import recover
     from flexarm_ros.scenario.errors import counted
 

@@ -15,6 +15,6 @@
 """
 Laws and parts of other packages: found, imported and registered; their declarations checked.
 
-Imports core, and the errors and the reading of values (yaml) of scenarios.  What it imports beyond
-this package is what entry points and users name.
+Imports core, and the errors and the reading of values (yaml) of scenarios.  It imports other
+modules only if an entry point or the user names them.
 """

@@ -40,7 +40,7 @@ from flexarm_ros.scenario.plugins.declarations import check_defaults, check_para
 LAW_GROUP = 'flexarm_ros.laws'
 PART_GROUP = 'flexarm_ros.parts'
 _RESERVED = ('run', 'compose', 'node', 'player', 'viewer')
-"""Names that are no role's: a section's in Python, and those of other executables."""
+"""Names that no part may have: of sections in Python, and of other executables."""
 _trusted = {'flexarm_ros.core.control'}
 """Modules, or packages, whose laws a bag may name: those of this package have no side effects."""
 

@@ -67,7 +67,7 @@ class Parameter:
 
     @property
     def spec(self) -> Spec:
-        """Return what it takes: laws are added where an axis of ``controller.law`` names them."""
+        """Return its allowed values; an axis of ``controller.law`` adds the laws that it names."""
         return keys(self.section)[self.key][1]
 
     @property
@@ -76,7 +76,7 @@ class Parameter:
         return self.key if self.section == '/**' else full_name(self.section, self.key)
 
     def value_of(self, config: RunConfig) -> Any:
-        """Return what a scenario gives it."""
+        """Return its value in a scenario."""
         held = values_of(config, self.section)
         return held[self.key] if self.key in held else keys(self.section)[self.key][2]
 
