@@ -61,7 +61,7 @@ class StateFeedbackParameters:
     )  # fmt: skip
     deflection_cutoff: float = parameter(
         2.0, 'float', 'Hz', 'natural frequency of the low-pass of the deflections and rates '
-        'of deflection; in a closed-loop prediction that of the strain gauge takes its place',
+        'of deflection; a closed-loop prediction uses that of the strain gauge instead',
         low=0.0, low_open=True, high=1e6,
     )  # fmt: skip
     filter_damping: float = parameter(

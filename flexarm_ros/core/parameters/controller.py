@@ -56,7 +56,7 @@ class FeedbackParameters:
     )  # fmt: skip
     deflection_source: str = _key(
         'plant', 'str', '', 'end deflections that the law uses; plant: exact, undelayed; '
-        'strain_gauge: those that the readings of the strain gauges stand for',
+        'strain_gauge: from the readings of the strain gauges',
         choices=('plant', 'strain_gauge'), paper='plant',
     )  # fmt: skip
     kp: float = _key(
@@ -85,8 +85,8 @@ class FeedbackParameters:
         'torque, which is held in between; 0: every tick', low=0.0, high=1e9,
     )  # fmt: skip
     compute_delay: float = _key(
-        0.0, 'float', 's', 'time from the sample to the torque that is computed from it; the '
-        'torque changes at the first tick at or after that', low=0.0, high=LONGEST_S,
+        0.0, 'float', 's', 'computing time of the law: the torque of a sample takes effect '
+        'at the first tick this long after the sample or later', low=0.0, high=LONGEST_S,
         whole_ns=True,
     )  # fmt: skip
 

@@ -75,15 +75,15 @@ class PlantParameters:
     damping_ratio: float = _key(0.0, 'float', '', 'modal damping ratio', low=0.0, high=1.0)
     link_damping: tuple[float, float] = _key(
         (0.0, 0.0), 'float2', 'N m s/rad', 'material (Kelvin-Voigt) damping of each link: root '
-        'moment per rate of the angle deflection / length, beside damping_ratio', low=0.0,
+        'moment per rate of deflection / length, in addition to damping_ratio', low=0.0,
         high=1e9,
     )  # fmt: skip
     viscous_friction: tuple[float, float] = _key(
         (0.0, 0.0), 'float2', 'N m s/rad', 'viscous friction of each joint', low=0.0, high=1e9
     )
     coulomb_friction: tuple[float, float] = _key(
-        (0.0, 0.0), 'float2', 'N m', 'Coulomb friction of each joint, also the torque that breaks '
-        'it away from rest', low=0.0, high=1e9,
+        (0.0, 0.0), 'float2', 'N m', 'Coulomb friction of each joint, also the breakaway torque',
+        low=0.0, high=1e9,
     )  # fmt: skip
     coulomb_friction_negative: tuple[float, float] | None = _key(
         None, 'float2', 'N m', 'Coulomb friction of each joint at negative rates; default: '

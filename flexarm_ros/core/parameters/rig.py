@@ -32,8 +32,8 @@ class StrainGaugeParameters(ChannelParameters):
     )  # fmt: skip
     output: str = _key(
         'strain', 'str', '', 'strain: curvature of the link at the gauge, 1/m; deflection: end '
-        'deflection, m, of a link that an end force bends to that curvature; angle: that '
-        'deflection per length of the link, rad; each times gain',
+        'deflection, m, of a link that an end force bends to that curvature; angle: '
+        'end deflection per length of the link, rad; each times gain',
         choices=('strain', 'deflection', 'angle'),
     )  # fmt: skip
     gain: tuple[float, float] = _key(
@@ -100,7 +100,7 @@ class ImuParameters(ChannelParameters):
     )  # fmt: skip
     accel_noise_density: float = _key(
         0.0, 'float', 'm/s^2/sqrt(Hz)', 'white noise of the specific force, each axis; the '
-        'standard deviation of a sample is that times sqrt(1 / sample interval)', low=0.0,
+        'standard deviation of a sample is the density / sqrt(sample interval)', low=0.0,
         high=1e6, live=True,
     )  # fmt: skip
     gyro_noise_density: float = _key(
@@ -115,7 +115,8 @@ class ImuParameters(ChannelParameters):
     )
     accel_bias_walk: float = _key(
         0.0, 'float', 'm/s^3/sqrt(Hz)', 'random walk of the bias of the specific force, each '
-        'axis, from 0: its standard deviation after t s is that times sqrt(t)', low=0.0, high=1e6,
+        'axis, from 0: its standard deviation after t s is this value times sqrt(t)', low=0.0,
+        high=1e6,
     )  # fmt: skip
     gyro_bias_walk: float = _key(
         0.0, 'float', 'rad/s^2/sqrt(Hz)', 'random walk of the bias of the rate of turn', low=0.0,
@@ -198,9 +199,9 @@ class DisturbanceParameters:
         'at or after t on; path relative to the scenario',
     )  # fmt: skip
     payload_live: bool = _key(
-        False, 'bool', '', 'whether disturbance/payload exists without a payload_file too, for an '
-        'external node that sets the payload at each tick; the steps of the plant are then '
-        'chosen for any payload, otherwise for the lightest of the file',
+        False, 'bool', '', 'true: disturbance/payload exists without payload_file too, for an '
+        'external node that sets the payload at each tick; the integration steps of the plant '
+        'are then chosen for any payload, otherwise for the lightest in payload_file',
     )  # fmt: skip
     force_times: tuple[float, ...] | None = _key(
         None, 'floats', 's', 'column t of force_file', low=-1e7, high=1e7

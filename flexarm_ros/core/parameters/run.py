@@ -73,12 +73,12 @@ class PaceParameters:
         high=10**9, live=True,
     )  # fmt: skip
     start_paused: bool = _key(
-        False, 'bool', '', 'the nodes of a run wait before tick 0 for the service `plant/pause` '
+        False, 'bool', '', 'true: the run waits before tick 0 for the service `plant/pause` '
         '(data: false) or `plant/step`',
     )  # fmt: skip
     realtime_priority: int = _key(
         10, 'int', '', 'with `sync: free`, SCHED_FIFO priority that the plant requests for '
-        'its loop, and half of it for the nodes but the recorder; 0: none', low=0, high=99,
+        'its loop; other nodes except the recorder request half of it; 0: none', low=0, high=99,
     )  # fmt: skip
     realtime_cpu: int = _key(
         -1, 'int', '', 'with `sync: free`, number of the CPU that the plant binds its loop to; '
