@@ -152,7 +152,7 @@ def _context(prediction: Prediction) -> dict[str, Any]:
 
 
 def _title(prediction: Prediction) -> str:
-    length = 'whole' if prediction.window is None else f'windows of {prediction.window:g} s'
+    length = 'all data' if prediction.window is None else f'windows of {prediction.window:g} s'
     return f'{prediction.recording.name}: {prediction.mode}, {length}'
 
 

@@ -337,7 +337,7 @@ def read_run(path: Path) -> Recording:
     whole = np.isfinite(np.stack([columns[column] for column in names.values()])).all(axis=0)
     rows = len(columns['t']) if bool(np.all(whole)) else int(np.argmin(whole))
     if rows < LEAST_ROWS:
-        raise ScenarioError(f'{path}: {rows} whole ticks; at least {LEAST_ROWS} are needed')
+        raise ScenarioError(f'{path}: {rows} complete ticks; at least {LEAST_ROWS} are needed')
     used = {'t': columns['t'][:rows]}
     used.update({channel: columns[column][:rows] for channel, column in names.items()})
     units = {channel: kind for channel in names if channel.startswith('strain')}

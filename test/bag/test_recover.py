@@ -254,7 +254,7 @@ def test_command(
 
     status, out, _ = call(sound, 'whole')
     assert status == 0
-    assert out.startswith('whole: 1800 messages, 300 of 300 ticks')
+    assert out.startswith('complete: 1800 messages, 300 of 300 ticks')
     status, out, _ = call(sound[: chunk_ends[3]], 'part')
     assert status == 3
     assert out.startswith('in part: 1200 messages, 200 of 300 ticks')
@@ -307,7 +307,7 @@ def test_other_topics_and_second_messages_are_no_loss(
     )
     assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 0
     said = capsys.readouterr().out
-    assert said.startswith('whole: 1800 messages, 300 of 300 ticks')
+    assert said.startswith('complete: 1800 messages, 300 of 300 ticks')
     assert 'left out: 300 messages on topics that the run does not have\n' in said
     assert 'left out: 300 second messages of a topic at a tick\n' in said
     check_content(tmp_path / 'new', set(range(TICKS)))
@@ -330,7 +330,7 @@ def test_a_sound_bag_that_never_had_a_scenario_is_whole(
     sent = [Received('/chatter', 'std_msgs/msg/String', 10**9 + i, text(str(i))) for i in range(9)]
     path = write_mcap(tmp_path / 'other.mcap', sent)
     assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 0
-    assert capsys.readouterr().out.startswith('whole: 9 messages, no scenario')
+    assert capsys.readouterr().out.startswith('complete: 9 messages, no scenario')
     cut = tmp_path / 'cut.mcap'
     whole = path.read_bytes()
     with Scanner(path) as scanner:
@@ -345,7 +345,7 @@ def test_one_message_is_not_called_messages(
     sent = [Received('/chatter', 'std_msgs/msg/String', 10**9, text('one'))]
     path = write_mcap(tmp_path / 'other.mcap', sent)
     assert main(['recover', str(path), '--out', str(tmp_path / 'new')]) == 0
-    assert capsys.readouterr().out.startswith('whole: 1 message, no scenario')
+    assert capsys.readouterr().out.startswith('complete: 1 message, no scenario')
     words = ['--set', 'duration=0.001', '--no-pictures', '--out', str(tmp_path / 'run')]
     assert main(['simulate', 'fls_tip', *words]) == 0
     capsys.readouterr()

@@ -477,7 +477,7 @@ def test_other_commands_take_a_bag_that_is_not_known_in_full(
     assert edit[1].strip() in (tmp_path / 'csv' / 'scenario.yaml').read_text('utf-8')
     assert main(['report', bag, '--no-pictures', '--out', str(tmp_path / 'page')]) == 0
     assert main(['recover', bag, '--out', str(tmp_path / 'new')]) == 0
-    assert 'whole: 1800 messages, all topics as recorded' in capsys.readouterr().out
+    assert 'complete: 1800 messages, all topics as recorded' in capsys.readouterr().out
     assert BagReader(tmp_path / 'new').unknown == BagReader(bag).unknown != {}
     assert main(['digest', bag]) == main(['digest', str(tmp_path / 'new')]) == 0
     first, second = capsys.readouterr().out.split()

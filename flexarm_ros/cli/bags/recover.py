@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from flexarm_ros.scenario.errors import counted
 
     rescue = recover(args.run, args.out)
-    verdict = {0: 'whole', 3: 'in part', 1: 'nothing'}[rescue.status]
+    verdict = {0: 'complete', 3: 'in part', 1: 'nothing'}[rescue.status]
     if rescue.kept:
         planned = counted(rescue.planned, 'tick')
         ticks = f'{rescue.complete} of {planned}' if rescue.planned else 'no scenario'

@@ -45,7 +45,7 @@ def add_parser(make: Any) -> None:
     parser.add_argument('scenario', metavar='SCENARIO', help="a file or a shipped scenario's name")
     parser.add_argument(
         '--set', dest='overrides', action='append', default=[], metavar='NODE.KEY=VALUE',
-        help='override a parameter; may repeat; VALUE is YAML; without NODE: of the whole run',
+        help='override a parameter; may repeat; VALUE is YAML; without NODE: in section /**',
     )  # fmt: skip
     parser.add_argument(
         '--out',

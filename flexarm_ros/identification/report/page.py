@@ -99,7 +99,7 @@ def _table(title: str, titles: Sequence[str], rows: Sequence[str]) -> str:
 
 
 def _length(window: float | None) -> str:
-    return 'whole recordings' if window is None else f'windows of {window:g} s'
+    return 'complete recordings' if window is None else f'windows of {window:g} s'
 
 
 def _parameters(fit: Fit) -> str:

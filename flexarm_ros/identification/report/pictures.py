@@ -99,5 +99,5 @@ def _unit(prediction: Prediction, name: str) -> tuple[float, str]:
 
 
 def _title(prediction: Prediction) -> str:
-    length = 'whole' if prediction.window is None else f'windows of {prediction.window:g} s'
+    length = 'all data' if prediction.window is None else f'windows of {prediction.window:g} s'
     return f'{Path(prediction.recording.name).name}: {prediction.mode}, {length}'

@@ -136,7 +136,7 @@ def horizon_ns(config: RunConfig) -> int:
     if end > LONGEST_S * NS_PER_S:
         raise ValueError(
             f'/**.duration: {config.run.duration!r} s, law {config.controller.law} plans the '
-            f'whole motion: allowed: up to {LONGEST_S - _AHEAD_S:g} s'
+            f'motion before the run; allowed: up to {LONGEST_S - _AHEAD_S:g} s'
         )
     return end
 
