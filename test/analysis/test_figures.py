@@ -256,7 +256,7 @@ def test_paths_show_what_was_recorded(runs: Path) -> None:
 def test_signals_have_units_and_lambda_only_where_there_is_one(runs: Path) -> None:
     pd, fls = (load_run(runs / name) for name in ('pd_tip', 'fls_tip'))
     labels = [axis.get_ylabel() for axis in signal_figure(Panel('fls', 9.0, (fls,))).axes]
-    assert len(labels) == 6 and labels[-1] == r'gain $\lambda$'
+    assert len(labels) == 6 and labels[-1] == 'gain λ'
     assert all(label.endswith((', m', ', N m')) for label in labels[:-1])
     assert len(signal_figure(Panel('pd', 9.0, (pd,))).axes) == 5
 
