@@ -21,6 +21,7 @@ the limits on the time that a peer may take to answer.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 import time
@@ -76,21 +77,21 @@ def _spin_together(participants: Sequence[Participant]) -> None:
     They poll their peers in turn, one between two passes, so that a tick waits for one poll.
     """
     waiter = Waiter(participants[0].context)
-    looks = dict.fromkeys(participants, 0.0)
+    looks = deque((0.0, participant) for participant in participants)
     while True:
         busy = False
         for participant in participants:
             busy |= participant.drive()
         now = time.monotonic()
-        due = min(looks, key=lambda p: looks[p])
-        if now >= looks[due]:
+        if now >= looks[0][0]:
+            _, due = looks.popleft()
             due.poll_peers(now)
-            looks[due] = now + due.look_interval
+            looks.append((now + due.look_interval, due))
             if all(p.finished for p in participants):
                 return
         elif not busy:
             waiting = [handle for p in participants for handle in p.blocked_on()]
-            pause = min([looks[due] - now] + [p.max_sleep_s(now) for p in participants])
+            pause = min([looks[0][0] - now] + [p.max_sleep_s(now) for p in participants])
             waiter.wait(waiting, int(pause * 1e9))
             if any(not p.under_way and not p.finished for p in participants):
-                looks = dict.fromkeys(participants, 0.0)
+                looks = deque((0.0, participant) for _, participant in looks)
