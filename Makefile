@@ -11,8 +11,8 @@ BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 # Tests that run at once, of those that start no nodes.
 TEST_JOBS ?= 2
-# Of those that start nodes; 0: in pytest's own process, one after the other.
-NODE_JOBS ?= 2
+# Of those that start nodes, which wait half of their time; 0: in pytest's own process, one by one.
+NODE_JOBS ?= 3
 SOAK_MINUTES ?= 30
 
 help:
