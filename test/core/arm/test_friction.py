@@ -36,7 +36,7 @@ def hub_only(**keys: object) -> PlantParameters:
     """Return an arm whose hubs are all of its inertia: links of 2e-8 kg m^2."""
     light: dict[str, object] = {
         'hub_inertia': (INERTIA, INERTIA), 'length': (0.1, 0.1), 'mass_density': (1e-6, 1e-6),
-        'flexural_rigidity': (1e-7, 1e-7),
+        'flexural_rigidity': (1e-7, 1e-7), 'modes': 2,
     }  # fmt: skip
     return PlantParameters(**{**light, **keys})  # type: ignore[arg-type]
 
@@ -89,15 +89,15 @@ def test_a_sliding_joint_stops_after_the_known_time_and_angle(model: str, viscou
 def test_a_joint_at_rest_does_not_drift_in_a_minute(model: str) -> None:
     """Torques within the breakaway torques of both directions, changing at every tick."""
     plant = PlantParameters(
-        model=model, coulomb_friction=(4.0, 2.0), coulomb_friction_negative=(1.0, 3.0),
+        model=model, modes=2, coulomb_friction=(4.0, 2.0), coulomb_friction_negative=(1.0, 3.0),
         viscous_friction=(0.1, 0.1),
     )  # fmt: skip
     arm = arm_of(plant, period=0.01)
     rng = np.random.default_rng(4)
     for _ in range(6000):
         arm.step(rng.uniform(-0.99, 3.99), rng.uniform(-2.99, 1.99))
-        assert arm.qd.tolist() == [0.0] * 4
-    assert arm.q.tolist() == [0.2, 0.9, 0.0, 0.0]
+        assert arm.qd.tolist() == [0.0] * 6
+    assert arm.q.tolist() == [0.2, 0.9, *[0.0] * 4]
 
 
 @MODELS
