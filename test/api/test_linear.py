@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import importlib.util
+from types import ModuleType
 
 import flexarm_ros as fa
 from flexarm_ros.stability.form import NoLinearFormError
@@ -24,9 +26,16 @@ from flexarm_ros.stability.sampled_loop import SampledLoop
 import numpy as np
 import pytest
 
-control = pytest.importorskip('control', reason="pip install 'flexarm_ros[control]'")
-
 POSE = 1.1
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec('control') is None, reason="pip install 'flexarm_ros[control]'"
+)
+
+
+@pytest.fixture(scope='module')
+def control() -> ModuleType:
+    """Import the library, which takes a second, where it is needed."""
+    return importlib.import_module('control')
 
 
 @pytest.mark.parametrize('theta1', [0.0, -2.0])
@@ -35,7 +44,7 @@ POSE = 1.1
     ['pd_collocated', 'fls_tip', 'pd_mid', 'fls_tip_elastic', 'pd_tip_physical_encoder_rates'],
 )
 def test_arm_and_law_close_to_the_loop_of_the_stability_analysis(
-    scenario: str, theta1: float
+    scenario: str, theta1: float, control: ModuleType
 ) -> None:
     arm = fa.linearize(scenario, POSE, theta1, outputs='law')
     law = fa.linear_law(scenario, POSE, theta1)
@@ -59,7 +68,7 @@ def test_a_pose_is_in_range(function: Callable[..., object], angle: str, value: 
 
 
 @pytest.mark.parametrize('model', ['buffer', 'pade2'])
-def test_small_motions_are_those_of_the_flown_arm(model: str) -> None:
+def test_small_motions_are_those_of_the_flown_arm(model: str, control: ModuleType) -> None:
     """A small torque, flown open loop from rest, against the linear system's answer."""
     changes = {
         'plant': {'initial_position': [0.3, POSE], 'model': 'full', 'modes': 2},
@@ -81,7 +90,7 @@ def test_small_motions_are_those_of_the_flown_arm(model: str) -> None:
         assert np.max(np.abs(flown - linear)) < 2e-4 * np.max(np.abs(flown)), output
 
 
-def test_continuous_time_is_the_same_arm_with_the_paper_s_delay() -> None:
+def test_continuous_time_is_the_same_arm_with_the_paper_s_delay(control: ModuleType) -> None:
     latency = 0.0312
     sensor = {'latency': latency}
     whole = fa.linearize('fls_tip', POSE, continuous=True, tip_sensor=sensor)
