@@ -25,7 +25,6 @@ import sys
 import warnings
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.figures import runs as figures
 from flexarm_ros.analysis.figures.corners import corner_figure
 from flexarm_ros.analysis.figures.fls import fls_figure, lambda_grid
 from flexarm_ros.analysis.figures.paper import paper_figures
@@ -39,7 +38,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 import numpy as np
 import pytest
-from report_cases import cut_rows, edit_summary, fly
+from report_cases import cut_rows, edit_summary, fly, leave_pictures_empty
 
 SHORT = ('duration=2.0', 'trajectory.side_time=0.5', 'trajectory.side=1.0')
 
@@ -84,9 +83,9 @@ def four(runs: Path) -> dict[str, Figure]:
 
 
 @pytest.fixture
-def stems_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the figures, and write none."""
-    monkeypatch.setattr(figures, 'save', lambda _, out, stem: [out / stem])
+def empty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write empty files."""
+    leave_pictures_empty(monkeypatch)
 
 
 def names(paths: list[Path]) -> set[str]:
@@ -161,13 +160,13 @@ def test_an_optional_part_has_panels_with_units(
         assert np.array_equal(curve.get_ydata(), run.columns[label.split(',')[0]])
 
 
-@pytest.mark.usefixtures('stems_only')
+@pytest.mark.usefixtures('empty')
 def test_optional_parts_are_drawn_for_the_runs_that_have_them(runs: Path, tmp_path: Path) -> None:
     """Of two runs with one case only that with gauges has curves and an entry in the legend."""
     with_gauges = fly(tmp_path / 'gauges', 'pd_tip', *SHORT, 'strain_gauge.noise_std=1e-6')
     both = write_figures([with_gauges, runs / 'pd_tip'], tmp_path / 'both')
-    assert names(both) == {'paths', 'corners', 'signals', 'parts'}
-    assert 'parts' not in names(write_figures([runs / 'pd_tip'], tmp_path / 'plain'))
+    assert names(both) == pairs('paths', 'corners', 'signals', 'parts')
+    assert 'parts.png' not in names(write_figures([runs / 'pd_tip'], tmp_path / 'plain'))
     figure = part_figure(panels([load_run(with_gauges), load_run(runs / 'pd_tip')])[0])
     curves = [axis.get_legend_handles_labels()[1] for axis in figure.axes]
     assert [len(texts) for texts in curves] == [1, 1]
@@ -199,12 +198,12 @@ def test_a_column_that_no_part_declares_is_drawn_without_a_unit(tmp_path: Path) 
     assert [axis.get_ylabel() for axis in figure.axes] == ['$_{', 'imu_accel_x', 'imu_accel_y']
 
 
-@pytest.mark.usefixtures('stems_only')
+@pytest.mark.usefixtures('empty')
 def test_several_runs_are_grouped_as_in_the_paper(runs: Path, tmp_path: Path) -> None:
     cases = ('pd_collocated', 'pd_tip', 'pd_mid', 'fls_tip')
     written = write_figures([runs / case for case in cases], tmp_path)
     stems = {'paths', 'corners', 'signals_pd_9m', 'signals_pd_6p75m', 'signals_fls_9m', 'fls'}
-    assert names(written) == stems | {'figure_2', 'figure_3'}
+    assert names(written) == pairs(*stems, 'figure_2', 'figure_3')
 
 
 def test_the_paper_s_figures_have_a_picture_each_where_runs_show_them(

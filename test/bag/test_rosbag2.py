@@ -432,7 +432,7 @@ def test_report(
         assert np.array_equal(bare.columns[name], whole.columns[name])
     assert np.isnan(bare.columns['tip_x']).all()
     assert 'no scenario' in bare.summary['problem']
-    for words in ([], ['--scenario', scenario_file]):
+    for words in ([], ['--scenario', scenario_file, '--no-pictures']):
         assert main(['report', str(path.parent), '--out', str(tmp_path / 'page'), *words]) == 0
     assert (tmp_path / 'page' / 'report.html').stat().st_size > 20_000
     assert 'error' not in capsys.readouterr().err

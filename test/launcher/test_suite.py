@@ -26,7 +26,6 @@ import sys
 from typing import Any
 import xml.etree.ElementTree as ET
 
-from flexarm_ros.analysis.figures import runs as figures
 from flexarm_ros.bag.errors import BagError
 from flexarm_ros.bag.simulation import simulate
 from flexarm_ros.cli.running.suite_table import SuiteTable
@@ -36,6 +35,7 @@ from flexarm_ros.launcher.subprocess_simulation import simulate_apart
 from flexarm_ros.scenario.suites import suite as files
 from nodetools import flexarm, flexarm_here, wait_for
 import pytest
+from report_cases import leave_pictures_empty
 from repository import ROOT
 
 GRID = """
@@ -291,14 +291,7 @@ claims:
 def test_a_suite_with_claims_ends_with_the_paper_s_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def save(figure: object, out: Path, stem: str) -> list[Path]:
-        """Write no picture, which takes most of the time; test/analysis/test_figures.py does."""
-        paths = [out / f'{stem}.{kind}' for kind in ('png', 'svg')]
-        for path in paths:
-            path.touch()
-        return paths
-
-    monkeypatch.setattr(figures, 'save', save)
+    leave_pictures_empty(monkeypatch)
     (tmp_path / 's.yaml').write_text(PAPER, 'utf-8')
     done = flexarm_here('suite', tmp_path / 's.yaml', '--out', tmp_path / 'out')
     assert (done.returncode, done.stderr.count('Traceback')) == (0, 0)

@@ -42,6 +42,7 @@ from flexarm_ros.nodes.runtime.joining.config_exchange import dump_sections, pub
 from flexarm_ros.scenario.suites import suite
 import numpy as np
 import pytest
+from report_cases import leave_pictures_empty
 
 CONFIG = small_config()
 
@@ -80,7 +81,10 @@ def test_an_external_controller_has_no_law_and_no_gains(
     assert capsys.readouterr().out.splitlines()[1].split() == ['external', 'controller']
 
 
-def test_pictures_of_an_external_controller_are_not_the_paper_s(tmp_path: Path) -> None:
+def test_pictures_of_an_external_controller_are_not_the_paper_s(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leave_pictures_empty(monkeypatch)
     ours, _ = flown(tmp_path / 'ours', [])
     theirs, _ = flown(tmp_path / 'theirs', ['controller'])
     names = {path.stem for path in write_figures([theirs], tmp_path / 'one')}
