@@ -1,24 +1,25 @@
 #!/usr/bin/env bash
 # A run of 1 s with nodes on every Python of 3.10 to 3.13 that is found, on PATH or among pyenv's, and
 # on the wheels of every ROS 2 distribution: the environment from constraints/, `flexarm run`, `flexarm
-# verify`, the bytes of the first of these runs, and on Jazzy the tests marked `essential`. Before that:
-# constraints/ is what scripts/lock.sh writes.
+# verify`, and on Jazzy the tests marked `essential`. Before that: constraints/ is what scripts/lock.sh
+# writes. After it: the bytes of all runs are the same.
 #
-# A line for each stage. One that cannot run says why; of one that fails the output is shown, and the
-# exit status is 1. The environments are kept, in .venvs.
+# Two stages run at a time, each with a line at its end. One that cannot run says why; of one that fails
+# the output is shown, and the exit status is 1. The environments are kept, in .venvs.
+#
+# With PYTHON DISTRIBUTION: that stage alone, for this script itself, with the directory $work.
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-stages='3.10 kilted
+# The longest first.
+stages='3.12 jazzy
+3.10 kilted
 3.11 kilted
 3.12 kilted
-3.13 kilted
-3.12 jazzy'
+3.13 kilted'
 export UV=$PWD/${VENV:-.venv}/bin/uv ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
 exec 3>&1
-failed=0 first=
+failed=0
 
 # Print the interpreter of that version; pyenv's python3.10 looks into PYENV_VERSION.
 interpreter() {
@@ -38,12 +39,14 @@ obstacle() {
 environment() { PYTHON=$(interpreter "$1") VENV=$venv WHEELS=$2 EXTRAS=ros,test scripts/env.sh; }
 run() { "$venv/bin/flexarm" run fls_tip --set duration=1 --no-pictures --out "$out"; }
 verify() { "$venv/bin/flexarm" verify "$out"; }
-same_bytes() {
-    digest=$("$venv/bin/flexarm" digest "$out") || return
-    echo "digest $digest, of the first run ${first:=$digest}"
-    [ "$digest" = "$first" ]
+digest() { "$venv/bin/flexarm" digest "$out" >"$out.digest"; }
+tests() {
+    [ "$2" = jazzy ] || return 0
+    "$venv/bin/python" -m pytest -m 'essential and not slow' >"$out.tests"
+    passed=$?
+    cat "$out.tests" >&3 # in one piece, as another stage may say something meanwhile
+    return "$passed"
 }
-tests() { [ "$2" != jazzy ] || "$venv/bin/python" -m pytest -m 'essential and not slow' >&3; }
 
 versions() {
     "$venv/bin/python" -c 'import platform; from importlib.metadata import version
@@ -55,28 +58,41 @@ say() { printf 'Python %-4s %-7s %s\n' "$@"; }
 
 # Do a part; where it fails, show what it said.
 attempt() {
-    "$@" >"$work/log" 2>&1 && return
+    "$@" >"$work/log.$$" 2>&1 && return
     failed=1
-    cat "$work/log"
+    cat "$work/log.$$"
     return 1
 }
 
 stage() { # stage PYTHON DISTRIBUTION
     venv=.venvs/$2-$1 out=$work/$2-$1
-    started=$SECONDS
     if [ -z "$(interpreter "$1")" ]; then
         say "$@" "cannot run: no python$1 on PATH or among pyenv's"
         return
     fi
-    for part in environment run verify same_bytes tests; do
+    for part in environment run verify digest tests; do
         if ! attempt "$part" "$@"; then
             say "$@" "FAILED: $part"
-            return
+            return 1
         fi
     done
-    say "$@" "ok: $(versions), $((SECONDS - started)) s"
+    say "$@" "ok: $(versions), $SECONDS s"
 }
 
+# Show the digests of the runs, and whether they are the same.
+same_bytes() {
+    cd "$work" || return
+    grep . ./*.digest
+    [ "$(cat ./*.digest | sort -u | wc -l)" -le 1 ]
+}
+
+if [ $# -gt 0 ]; then
+    stage "$@"
+    exit
+fi
+work=$(mktemp -d)
+export work
+trap 'rm -rf "$work"' EXIT
 reason=$(obstacle)
 if [ -n "$reason" ]; then
     echo "Runs on every Python: cannot run: $reason"
@@ -87,8 +103,6 @@ if attempt scripts/lock.sh --check; then
 else
     echo 'constraints/: FAILED: not what scripts/lock.sh writes'
 fi
-while read -r stage; do
-    # shellcheck disable=SC2086  # two words
-    stage $stage </dev/null
-done <<<"$stages"
+xargs -L 1 -P 2 scripts/pythons.sh <<<"$stages" || failed=1
+attempt same_bytes || echo 'FAILED: same_bytes'
 exit "$failed"
