@@ -167,7 +167,12 @@ def linear_draws(
 
 
 def _residuals(problem: Problem, numbers: Array) -> Array:
-    return np.stack([one.values for one in problem.residuals(numbers)])
+    """Return the residuals, (c, n); 0 where a channel is not compared."""
+    found = problem.residuals(numbers)
+    rows = np.zeros((len(found), len(found[0].used)))
+    for row, one in zip(rows, found, strict=True):
+        row[one.used] = one.values
+    return rows
 
 
 def _sensitivity(problem: Problem, numbers: Array) -> Array:

@@ -32,7 +32,6 @@ from flexarm_ros.identification.prediction.modes import MODES
 from flexarm_ros.identification.prediction.ringing import Mode, quiet_spans, ringing
 from flexarm_ros.identification.prediction.whole_arm import (
     ANGLE,
-    centred_means,
     centred_rates,
     predict_torque,
     RATE,
@@ -190,26 +189,35 @@ def _joint_channels(
     """
     Return the joint angles and rates; measured rates that were not recorded are derived.
 
-    Derived rates are means over some time, and are compared with such means of the predicted
-    rates: else inertias would be found too large, as they slow the motion down.  ``length``: of a
-    window, in samples.
+    Derived rates are compared with rates that are derived alike from the predicted angles: else
+    inertias would be found too large, as they slow the motion down.  ``length``: of a window, in
+    samples, at whose ends no derived rates are compared.
     """
-    rates = centred_rates(angles, recording.period)
-    whole = np.ones(len(angles), dtype=bool)
+    rows = len(angles)
+    whole = np.ones(rows, dtype=bool)
+    predicted = outputs[:, ANGLE : ANGLE + 2]
+    measured_rates = centred_rates(angles, recording.period)
+    parts = [predicted[first : first + length] for first in range(0, rows, length)]
+    rates = np.concatenate([centred_rates(part, recording.period) for part in parts])
+    half = rate_half_width(recording.period)
+    inside = np.concatenate([_inside(len(part), half) for part in parts])
     found = {}
     for i in (0, 1):
-        found[f'theta{i + 1}'] = Channel(angles[:, i], outputs[:, ANGLE + i], whole)
-    half = rate_half_width(recording.period)
+        found[f'theta{i + 1}'] = Channel(angles[:, i], predicted[:, i], whole)
     for i in (0, 1):
-        name, predicted = f'theta{i + 1}_rate', outputs[:, RATE + i]
+        name = f'theta{i + 1}_rate'
         measured = recording.channels.get(name)
         if measured is None:
-            measured = rates[:, i]
-            firsts = range(0, len(predicted), length)
-            parts = [centred_means(predicted[first : first + length], half) for first in firsts]
-            predicted = np.concatenate(parts)
-        found[name] = Channel(measured, predicted, whole)
+            found[name] = Channel(measured_rates[:, i], rates[:, i], inside)
+        else:
+            found[name] = Channel(measured, outputs[:, RATE + i], whole)
     return found
+
+
+def _inside(count: int, half: int) -> BoolArray:
+    """Return which of ``count`` samples are at least ``half`` samples from both ends."""
+    places = np.arange(count)
+    return np.asarray(np.minimum(places, count - 1 - places) >= half)
 
 
 __all__ = ['Channel', 'MODES', 'Prediction', 'predict', 'ringing_of']

@@ -140,31 +140,23 @@ def past_rates(angles: FloatArray, period: float) -> FloatArray:
 
 
 def rate_half_width(period: float) -> int:
-    """Return half the number of samples, at least 1, over which `centred_rates` takes means."""
+    """Return half the number of samples, at least 1, of a difference in `centred_rates`."""
     return max(1, round(0.008 / period))
 
 
 def centred_rates(angles: FloatArray, period: float) -> FloatArray:
-    """Return measured joint rates, (n, 2), rad/s, by central differences over some 16 ms."""
-    half = rate_half_width(period)
-    padded = np.concatenate(
-        [np.repeat(angles[:1], half, axis=0), angles, np.repeat(angles[-1:], half, axis=0)]
-    )
-    return np.asarray((padded[2 * half :] - padded[: -2 * half]) / (2 * half * period))
-
-
-def centred_means(values: FloatArray, half: int) -> FloatArray:
     """
-    Return the mean of values, (n,), over ``half`` samples to each side, by the trapezoidal rule.
+    Return joint rates, (n, 2), rad/s, by central differences over some 16 ms.
 
-    Near an end over as many samples as there are on the shorter side.
+    Near an end over as many samples as there are on the shorter side, at the end over one.
     """
-    places = np.arange(len(values))
-    width = np.minimum(half, np.minimum(places, len(values) - 1 - places))
-    steps = 0.5 * (values[1:] + values[:-1])
-    total = np.concatenate([[0.0], np.cumsum(steps)])
-    mean = (total[places + width] - total[places - width]) / np.maximum(2 * width, 1)
-    return np.where(width > 0, mean, values)
+    places = np.arange(len(angles))
+    width = np.minimum(places, len(angles) - 1 - places)
+    width = np.clip(width, 1, rate_half_width(period))
+    before = np.maximum(places - width, 0)
+    after = np.minimum(places + width, len(angles) - 1)
+    times = np.maximum(after - before, 1) * period
+    return np.asarray((angles[after] - angles[before]) / times[:, None])
 
 
 def predict_torque(
@@ -220,6 +212,5 @@ def fly(
 
 
 __all__ = [
-    'ANGLE', 'RATE', 'STRAIN', 'centred_means', 'centred_rates', 'make_flight', 'predict_torque',
-    'rate_half_width',
+    'ANGLE', 'RATE', 'STRAIN', 'centred_rates', 'make_flight', 'predict_torque', 'rate_half_width',
 ]  # fmt: skip
