@@ -35,7 +35,8 @@ import tempfile
 
 from flexarm_ros.identification.estimate.fitting import Fit, fit, prepare
 from flexarm_ros.identification.estimate.problem import Problem
-from flexarm_ros.identification.estimate.statistics import correlation_length, estimate
+from flexarm_ros.identification.estimate.scores import correlation_length
+from flexarm_ros.identification.estimate.statistics import estimate
 from flexarm_ros.identification.recording import read_columns, Recording
 from flexarm_ros.identification.setting import load_setting, numbers_of, Setting, text_of
 import numpy as np

@@ -16,14 +16,11 @@
 
 from __future__ import annotations
 
-from flexarm_ros.identification.estimate.statistics import (
-    estimate,
-    independent_samples,
-    score_covariance,
-)
+from flexarm_ros.identification.estimate.scores import Recorded, score_covariance
+from flexarm_ros.identification.estimate.statistics import estimate
 import numpy as np
 import pytest
-from scipy.linalg import eigh
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 ROWS, WINDOW, STEP = 2000, 500, 0.004
@@ -64,17 +61,10 @@ def test_noise_of_the_torque_is_in_every_channel() -> None:
         left = residual - jacobian @ errors[-1]
         stds.append(estimate(numbers, [(jacobian, left)], np.full(2, np.inf)).std)
     inside = np.abs(errors) < 2.0 * np.array(stds)
-    assert (inside.mean(axis=0) > 0.85).all()
+    assert (inside.mean(axis=0) >= 0.9).all()
+    # Stds that scatter by a third must be larger in the mean, to hold as many errors.
     told = np.mean(stds, axis=0) / np.std(errors, axis=0)
-    assert ((told > 0.85) & (told < 1.3)).all()
-
-
-def test_a_channel_that_repeats_another_adds_no_samples() -> None:
-    random = np.random.default_rng(0)
-    first, second = random.standard_normal((2, 2000))
-    one = independent_samples(first[None])
-    assert independent_samples(np.stack([first, 3.0 * first])) < 1.01 * one
-    assert independent_samples(np.stack([first, second])) > 1.8 * one
+    assert ((told > 0.95) & (told < 1.45)).all()
 
 
 def test_a_channel_that_repeats_another_leaves_the_std() -> None:
@@ -91,32 +81,74 @@ def test_a_channel_that_repeats_another_leaves_the_std() -> None:
 
 
 def test_the_spectra_of_two_channels_give_the_covariance_of_their_scores() -> None:
-    """Against the double sum over all pairs of samples, for residuals that are all but white."""
-    rows, lags = 60, 3
+    """Against the double sum over all pairs of samples, for correlated residuals."""
+    rows = 60
     random = np.random.default_rng(2)
     jacobian = random.standard_normal((2, rows, 3))
-    residual = random.standard_normal((2, rows))
+    residual = lfilter([1.0], [1.0, -0.6], random.standard_normal((2, rows)))
     residual[1] += np.roll(residual[0], 1)
-    distance = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows)))
-    window = np.maximum(1.0 - distance / (4 * lags + 1.0), 0.0)
+    part = Recorded(jacobian, residual)
+    window = toeplitz(part.window[:rows])
+    assert window[0, 5] > 0.2
     scores = np.einsum('cnp,cn->np', jacobian, residual)
-    products = scores.T @ window @ scores
-    spectral = np.zeros((3, 3))
+    assert part.products == pytest.approx(scores.T @ window @ scores)
+    covariance = np.zeros((2, rows, 2, rows))
     for a in (0, 1):
         for b in (0, 1):
-            lagged = [
-                np.sum(
-                    residual[a, max(0, -k) : rows - max(0, k)]
-                    * residual[b, max(0, k) : rows - max(0, -k)]
-                )
-                / rows
-                for k in range(-rows + 1, rows)
-            ]
+            lagged = np.correlate(residual[b], residual[a], 'full') / rows
             place = np.subtract.outer(np.arange(rows), np.arange(rows)).T + rows - 1
-            spectral += jacobian[a].T @ (np.array(lagged)[place] * window) @ jacobian[b]
-    found = score_covariance(jacobian, residual, lags)
-    for direction in random.standard_normal((20, 3)):
-        least = max(direction @ products @ direction, direction @ spectral @ direction)
-        assert direction @ found @ direction >= least * (1.0 - 1e-9)
-    values = eigh(spectral, products, eigvals_only=True)
-    assert eigh(found, products, eigvals_only=True) == pytest.approx(np.maximum(values, 1.0))
+            covariance[a, :, b] = lagged[place] * window
+    spectral = np.einsum('anp,anbm,bmq->pq', jacobian, covariance, jacobian)
+    assert part.spectral == pytest.approx(spectral)
+    # What a fit leaves of residuals with this covariance: the mean of their covariances.
+    flat = np.linalg.qr(jacobian.reshape(-1, 3))[0]
+    whole = covariance.reshape(2 * rows, 2 * rows)
+    part = Recorded(flat.reshape(jacobian.shape), residual)
+    gone = np.eye(2 * rows) - flat @ flat.T
+    left = (gone @ whole @ gone).reshape(covariance.shape)
+    found = part.expected(part.away(flat.T @ whole @ flat))
+    for lag in (0, 1, 7):
+        mean = sum(left[:, n, :, n + lag] for n in range(rows - lag)) / rows
+        assert found[..., lag] == pytest.approx(mean)
+
+
+@pytest.mark.parametrize(
+    ('pole', 'least', 'most', 'inside'),
+    [(0.0, 0.97, 1.05, 0.94), (0.9, 0.9, 1.1, 0.9), (0.98, 0.95, 1.3, 0.84)],
+)
+def test_residuals_that_are_correlated_for_long(
+    pole: float, least: float, most: float, inside: float
+) -> None:
+    """
+    Stds against those that follow from the known covariance of an autoregressive residual.
+
+    The last one is correlated by more than 0.2 over 80 of 1000 samples, and the fit takes out much
+    of its slow parts: without a correction of this bias stds are 0.6 to 0.8 of those known.
+    """
+    rows, draws = 1000, 120
+    time = np.arange(rows) / rows
+    jacobian = np.stack([np.sin(9.0 * time), np.sign(np.sin(14.0 * time)), time], axis=1)
+    inverse = np.linalg.pinv(jacobian)
+    covariance = toeplitz(pole ** np.arange(rows)) / (1.0 - pole**2)
+    known = np.sqrt(np.diag(inverse @ covariance @ inverse.T))
+    random = np.random.default_rng(1)
+    errors, stds = [], []
+    for _ in range(draws):
+        noise = random.standard_normal(rows + 500)
+        residual = lfilter([1.0], [1.0, -pole], noise)[500:]
+        errors.append(inverse @ residual)
+        block = jacobian[None], (residual - jacobian @ errors[-1])[None]
+        stds.append(estimate(np.ones(3), [block], np.full(3, np.inf)).std)
+    told = np.mean(stds, axis=0) / known
+    assert ((told > least) & (told < most)).all(), told
+    assert np.mean(np.abs(errors) < 2.0 * np.array(stds)) > inside
+
+
+def test_recordings_count_as_independent() -> None:
+    """Twice the same recording: the std is smaller by the root of two."""
+    random = np.random.default_rng(5)
+    jacobian = np.stack([np.sin(np.arange(800) / 30.0), np.ones(800)], axis=1)[None]
+    residual = lfilter([1.0], [1.0, -0.8], random.standard_normal((1, 800)))
+    once = score_covariance([(jacobian, residual)])
+    twice = score_covariance([(jacobian, residual)] * 2)
+    assert np.diag(twice) == pytest.approx(2.0 * np.diag(once), rel=0.1)

@@ -35,13 +35,9 @@ from flexarm_ros.identification.estimate.problem import (
     Span,
     Task,
 )
+from flexarm_ros.identification.estimate.scores import Block
 from flexarm_ros.identification.estimate.search import Search, Stopped
-from flexarm_ros.identification.estimate.statistics import (
-    Block,
-    Estimate,
-    estimate,
-    free_scale,
-)
+from flexarm_ros.identification.estimate.statistics import Estimate, estimate, free_scale
 from flexarm_ros.identification.prediction.predict import Channel, MODES, predict, Prediction
 from flexarm_ros.identification.recording import PathLike, read, Recording
 from flexarm_ros.identification.setting import load_setting, numbers_of, Setting, spec_of, text_of

@@ -23,7 +23,7 @@ import time
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.identification.estimate.problem import Problem, starting_points, steps_of
-from flexarm_ros.identification.estimate.statistics import Block, correlation_length
+from flexarm_ros.identification.estimate.scores import Block, correlation_length
 import numpy as np
 from scipy.optimize import least_squares
 

@@ -20,16 +20,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flexarm_ros.core.numerics.compiled import FloatArray
+from flexarm_ros.identification.estimate.scores import Block, NO_INFORMATION, score_covariance
 import numpy as np
 from numpy.typing import NDArray
 
 BoolArray = NDArray[np.bool_]
-Block = tuple[FloatArray, FloatArray]
-"""Jacobian (c, n, p) and residual (c, n) of the c channels of a recording."""
-
-NO_INFORMATION = 1e-8
-"""Smallest eigenvalue of the scaled information, per largest, that counts as information."""
-
 TAKES_PART = 1e-2
 """Share of a parameter in a direction without information from which it is undetermined."""
 
@@ -40,114 +35,6 @@ TELLS = 0.5
 
 FREE_SCALE = 1e-5
 """Least information about a common scale, per that about each parameter, that counts."""
-
-
-def correlation_length(residual: FloatArray) -> int:
-    """
-    Return the largest lag at which a residual is correlated by more than 0.2, at least 1.
-
-    The last one, not the first zero: what a wrong start state leaves oscillates.
-    """
-    values = residual - residual.mean()
-    power = float(values @ values)
-    if power == 0.0 or len(values) < 8:
-        return 1
-    size = 1 << (2 * len(values) - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(values, size)) ** 2
-    correlation = np.fft.irfft(spectrum, size)[: len(values) // 8] / power
-    above = np.flatnonzero(np.abs(correlation) > 0.2)
-    return max(1, int(above[-1])) if len(above) else 1
-
-
-def _taper(count: int, lags: int) -> FloatArray:
-    """Return Bartlett's window over four times ``lags`` for lags 0 to ``count`` - 1, (count,)."""
-    width = 4 * lags if lags > 1 else 0
-    return np.asarray(np.maximum(1.0 - np.arange(count) / (width + 1.0), 0.0))
-
-
-def _spectra(residual: FloatArray, lags: int) -> NDArray[np.complex128]:
-    """
-    Return the cross spectra of residuals, (c, n), at the frequencies of an FFT of twice n.
-
-    Shape (c, c, n + 1): positive semidefinite at each frequency.
-    """
-    count = residual.shape[1]
-    waves = np.fft.rfft(residual, 2 * count, axis=1)
-    products = np.fft.irfft(waves.conj()[:, None] * waves[None], 2 * count) / count
-    return np.asarray(np.fft.rfft(products * _both_ways(_taper(count, lags))))
-
-
-def _both_ways(half: FloatArray) -> FloatArray:
-    """Return the values at lags 0 to n - 1 with those at negative lags behind, (2n,)."""
-    return np.concatenate([half, [0.0], half[:0:-1]])
-
-
-def score_covariance(jacobian: FloatArray, residual: FloatArray, lags: int) -> FloatArray:
-    """
-    Return the covariance of J^T r, (p, p), of one recording.
-
-    ``jacobian`` (c, n, p) and ``residual`` (c, n) of its channels over the same n samples, which
-    are correlated over ``lags`` samples.  Channels are correlated with each other: noise of the
-    measured torque passes through the model into every angle, rate and strain, so that the sum
-    of the covariances of the channels is too small (by half, in the linear case of the tests).
-
-    The larger, in every direction, of two estimates with Bartlett's window: from the products
-    J_t^T r_t (Newey and West 1987), which reflect that residuals are larger where the arm moves,
-    and from the cross spectra of the residuals, which allow for what the fit removed from them at
-    the frequencies of the parameters.  The first alone is too small by a fifth for 6 s of filtered
-    noise.
-    """
-    channels, count, _ = jacobian.shape
-    share = np.full(count + 1, 1.0 / count)
-    share[[0, -1]] *= 0.5
-    scores = np.fft.rfft(np.einsum('cnp,cn->np', jacobian, residual), 2 * count, axis=0)
-    window = np.fft.rfft(_both_ways(_taper(count, lags))).real
-    products = ((scores.conj() * (window * share)[:, None]).T @ scores).real
-    waves = np.fft.rfft(jacobian, 2 * count, axis=1)
-    power = _spectra(residual, lags).conj() * share
-    spectral = np.zeros_like(products)
-    for one in range(channels):
-        for other in range(channels):
-            seen = waves[one].conj() * power[one, other][:, None]
-            spectral += (seen.T @ waves[other]).real
-    return _larger(spectral, products)
-
-
-def _larger(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the smallest matrix above two positive semidefinite ones in their common axes."""
-    scale = np.sqrt(np.maximum(np.diag(first), np.diag(second)))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    one, other = first / np.outer(scale, scale), second / np.outer(scale, scale)
-    root = np.linalg.cholesky(one + 1e-12 * np.eye(len(one)))
-    inverse = np.linalg.inv(root)
-    values, vectors = np.linalg.eigh(inverse @ other @ inverse.T)
-    axes = root @ vectors
-    return np.asarray((axes * np.maximum(values, 1.0)) @ axes.T * np.outer(scale, scale))
-
-
-def _lags(residual: FloatArray) -> int:
-    """Return the largest correlation length of the channels of a recording, (c, n)."""
-    return max(correlation_length(channel) for channel in residual)
-
-
-def independent_samples(residual: FloatArray) -> float:
-    """
-    Return the equivalent number of independent samples of residuals, (c, n), at least 1.
-
-    Each channel counts alike; channels that repeat one another count once.
-    """
-    centred = residual - residual.mean(axis=1, keepdims=True)
-    level = centred.std(axis=1, keepdims=True)
-    power = _spectra(centred / np.where(level > 0.0, level, 1.0), _lags(residual))
-    squares = float(np.sum(np.abs(power) ** 2))
-    total = float(np.einsum('ccf->', power).real)
-    return max(1.0, total**2 / squares) if squares > 0.0 else 1.0
-
-
-def _freedom(blocks: Sequence[Block], count: int) -> float:
-    """Return the factor on a variance that allows for the fit of ``count`` parameters."""
-    samples = sum(independent_samples(residual) for _, residual in blocks)
-    return samples / max(samples - count, 0.25 * samples)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,10 +67,9 @@ def estimate(
     """
     count = len(values)
     information = np.zeros((count, count))
-    scores = np.zeros((count, count))
-    for jacobian, residual in blocks:
+    for jacobian, _ in blocks:
         information += np.einsum('cnp,cnq->pq', jacobian, jacobian)
-        scores += score_covariance(jacobian, residual, _lags(residual))
+    scores = score_covariance(blocks)
     precision = np.where(np.isfinite(prior_std), 1.0 / prior_std**2, 0.0)
     # The information in the correlated residuals, J^T J S^-1 J^T J, is compared
     # with that of the priors; computed in units in which each parameter has information 1.
@@ -196,7 +82,7 @@ def estimate(
         part = np.ix_(seen, seen)
         unit = scale[seen]
         shaped = information[part] / np.outer(unit, unit)
-        noise = _freedom(blocks, int(seen.sum())) * scores[part] / np.outer(unit, unit)
+        noise = scores[part] / np.outer(unit, unit)
         told = _information(shaped, noise)
         own = told + np.diag(precision[seen] / unit**2)
         inverse, open_ = _inverse(own)
