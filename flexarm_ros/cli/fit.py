@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
         args.starts,
     )  # fmt: skip
     for task in (*request.problem.tasks, *request.others):
-        say_notes('fit', task.recording)
+        say_notes('fit', task.recording.name, task.recording.notes)
     check_utf8('--out ', str(args.out.absolute()))
     args.out.mkdir(parents=True, exist_ok=True)
     with Deferred() as signals, FitProgress('fit') as progress:

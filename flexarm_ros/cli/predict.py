@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from dataclasses import asdict
 import json
 import math
@@ -26,7 +27,6 @@ from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from flexarm_ros.identification.prediction.predict import Prediction
-    from flexarm_ros.identification.recording import Recording
 
 UNITS = {'theta': 'rad', 'tip_': 'm'}
 
@@ -99,8 +99,9 @@ def run(args: argparse.Namespace) -> int:
     out = args.out and new_directory(args.out, '')
     setting = load_setting(args.scenario, args.overrides)
     recording = read(Path(args.data))
-    say_notes('predict', recording)
+    say_notes('predict', recording.name, recording.notes)
     prediction = predict(recording, setting, args.mode, args.window, args.zero)
+    say_notes('predict', recording.name, prediction.notes)
     diverged = [
         name
         for name, channel in prediction.channels.items()
@@ -128,10 +129,10 @@ def run(args: argparse.Namespace) -> int:
     return 1 if diverged else 0
 
 
-def say_notes(command: str, recording: Recording) -> None:
-    """Print a line on stderr for each column that is not used."""
-    for note in recording.notes:
-        print(f'flexarm {command}: {recording.name}: {note}', file=sys.stderr)
+def say_notes(command: str, name: str, notes: Iterable[str]) -> None:
+    """Print a line on stderr for each note about the recording with a name."""
+    for note in notes:
+        print(f'flexarm {command}: {name}: {note}', file=sys.stderr)
 
 
 def finite(numbers: Any) -> Any:

@@ -327,6 +327,25 @@ def test_an_offset_of_either_sign_is_taken_from_the_first_second(
         assert found['strain2']['fit'] > 99.5
 
 
+def test_a_recording_that_begins_in_motion_is_told(
+    arm: Path, ideal: dict[str, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its start is taken at rest, and offsets too: the fit is poor, and a line says why."""
+    columns = gauged(ideal, 2e-4)
+    begun = {
+        name: values[520:] - values[520] * (name == 't_s') for name, values in columns.items()
+    }
+    told = []
+    for name, data in (('still', columns), ('begun', begun)):
+        path = written(tmp_path / f'{name}.csv', data)
+        for options in (['--zero', '1'], ['--window', '1'], []):
+            assert cli.main(['predict', str(path), '--scenario', str(arm), *options]) == 0
+            told.append('begins in motion (theta1, ' in capsys.readouterr().err)
+    assert told == [False, False, False, True, False, True]
+    warnings = fitted(path, arm, free=['plant.link_end_mass'], window=None).warnings
+    assert any('begun.csv: the recording begins in motion' in text for text in warnings)
+
+
 FREE = ('plant.flexural_rigidity', 'plant.link_end_mass', 'strain_gauge.gain')
 
 

@@ -297,7 +297,7 @@ def _result(request: Request, search: Search) -> Fit:
     held += [(found, np.ones(found.recording.rows, dtype=bool)) for found in others]
     return Fit(
         problem, values, uncertainty, predictions, _joined(held), others,
-        _warnings(request, search, uncertainty, blocks), search.finished,
+        _warnings(request, search, uncertainty, blocks, [*predictions, *others]), search.finished,
     )  # fmt: skip
 
 
@@ -322,6 +322,7 @@ def _warnings(
     search: Search,
     uncertainty: Estimate,
     blocks: Sequence[Block],
+    predictions: Sequence[Prediction],
 ) -> tuple[str, ...]:
     problem = request.problem
     found = []
@@ -339,6 +340,7 @@ def _warnings(
     for free, value in zip(problem.free, search.best, strict=True):
         if min(value - free.low, free.high - value) <= 1e-6 * free.scale:
             found.append(f'{free.key}: at the bound of its range, {value:.4g}')
+    found += [f'{one.recording.name}: {note}' for one in predictions for note in one.notes]
     if not search.finished:
         found.append('the search was stopped before it converged')
     return tuple(found)

@@ -33,6 +33,7 @@ from flexarm_ros.identification.prediction.ringing import Mode, quiet_spans, rin
 from flexarm_ros.identification.prediction.whole_arm import (
     ANGLE,
     centred_rates,
+    past_rates,
     predict_torque,
     RATE,
     rate_half_width,
@@ -41,6 +42,9 @@ from flexarm_ros.identification.recording import Recording
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError
 import numpy as np
+
+STARTS_MOVING = 0.2
+"""A recording whose first rate in a channel is this part of the largest begins in motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +109,7 @@ class Prediction:
     ``window``: length of the windows that were predicted each from its start, s; None: the
     complete recording. ``offsets``: gauge offsets that were taken from the recording, in the unit
     of each channel.
+    ``notes``: a line for each reason to doubt the start states or the offsets.
     """
 
     recording: Recording
@@ -112,6 +117,7 @@ class Prediction:
     window: float | None
     channels: Mapping[str, Channel]
     offsets: Mapping[str, float]
+    notes: tuple[str, ...] = ()
 
     @property
     def numbers(self) -> dict[str, dict[str, float | None]]:
@@ -158,7 +164,25 @@ def predict(
     offsets = {}
     if zero is not None:
         offsets = {name: float(model.gauges[int(name[-1]) - 1, BIAS]) for name in data.names}
-    return Prediction(data.recording, mode, window, channels, offsets)
+    notes = start_notes(recording) if window is None or zero is not None else ()
+    return Prediction(data.recording, mode, window, channels, offsets, notes)
+
+
+def start_notes(recording: Recording) -> tuple[str, ...]:
+    """Return a line if a recording begins in motion."""
+    moving = []
+    for name in ('theta1', 'theta2', 'strain1', 'strain2'):
+        values = recording.channels.get(name)
+        if values is not None:
+            rates = np.abs(past_rates(values[::-1, None], recording.period))[::-1]
+            if rates[0] > STARTS_MOVING * rates.max():
+                moving.append(name)
+    if not moving:
+        return ()
+    return (
+        f'the recording begins in motion ({", ".join(moving)}), but offsets by --zero and '
+        'predictions of a whole recording take the arm to be at rest at the first sample',
+    )
 
 
 def ringing_of(

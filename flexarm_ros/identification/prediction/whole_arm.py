@@ -127,7 +127,7 @@ def torques_of(recording: Recording, setting: Setting) -> FloatArray:
 
 def past_rates(angles: FloatArray, period: float) -> FloatArray:
     """
-    Return joint rates, (n, 2), rad/s, each from the angles up to its sample.
+    Return rates of angles, (n, k), rad/s, each from the angles up to its sample.
 
     The slope at the end of a parabola through the last `RATE_TIME`; before the start the arm is
     taken to be at rest.
@@ -212,5 +212,6 @@ def fly(
 
 
 __all__ = [
-    'ANGLE', 'RATE', 'STRAIN', 'centred_rates', 'make_flight', 'predict_torque', 'rate_half_width',
+    'ANGLE', 'RATE', 'STRAIN', 'centred_rates', 'make_flight', 'past_rates', 'predict_torque',
+    'rate_half_width',
 ]  # fmt: skip
