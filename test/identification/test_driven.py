@@ -287,23 +287,44 @@ def test_windows_recover_from_an_unknown_start(arm: Path, ideal: dict[str, np.nd
     assert np.abs(found.measured - found.predicted)[late].max() < 0.1 * wrong
 
 
-def test_a_bias_that_was_removed_is_found_again(arm: Path, ideal: dict[str, np.ndarray]) -> None:
-    """A program that subtracts the mean of the first 0.6 s, gives 0 until then, and filters."""
-    held = 300
+def without_bias(ideal: dict[str, np.ndarray], held: int, late: int = 0) -> Recording:
+    """
+    Return what a program gives that subtracts the mean of its first samples, and filters.
+
+    ``held``: number of samples at first, for which it gives 0; ``late``: latency in samples.
+    """
     channels = {f'theta{i}': ideal[f'theta{i}'] for i in (1, 2)}
     omega = 2.0 * math.pi * 4.0
     low_pass = bilinear([omega**2], [1.0, 2 * 0.9 * omega, omega**2], fs=1 / PERIOD)
     for i in (0, 1):
         raw = GAIN[i] * ideal[f'angle{i + 1}'] + 0.3 + SLOPE[i] * ideal[f'theta{i + 1}']
         raw = np.where(ideal['t'] < held * PERIOD, 0.0, raw - raw[:held].mean())
-        channels[f'strain{i + 1}'] = lfilter(*low_pass, raw)
-    recording = Recording('x', PERIOD, channels, dict.fromkeys(('strain1', 'strain2'), 'angle'))
+        strain = lfilter(*low_pass, raw)
+        channels[f'strain{i + 1}'] = np.concatenate([np.zeros(late), strain[: len(raw) - late]])
+    return Recording('x', PERIOD, channels, dict.fromkeys(('strain1', 'strain2'), 'angle'))
+
+
+def test_a_bias_that_was_removed_is_found_again(arm: Path, ideal: dict[str, np.ndarray]) -> None:
+    held = 300
+    recording = without_bias(ideal, held)
     plain = predict(recording, load_setting(arm)).numbers
     found = predict(recording, load_setting(arm), zero=1.0)
     for name in ('strain1', 'strain2'):
         assert found.numbers[name]['fit'] > 99.0
         assert plain[name]['fit'] < 98.0
         assert not found.channels[name].valid[:held].any()
+
+
+def test_a_latency_is_found_where_a_gauge_begins_late(
+    arm: Path, ideal: dict[str, np.ndarray]
+) -> None:
+    """The first sample that was measured moves with the latency; the samples compared do not."""
+    request = prepare(
+        [without_bias(ideal, 300, late=3)], arm, ['strain_gauge.latency'], window=None, zero=1.0,
+        overrides=['strain_gauge.latency=0.0013'],
+    )  # fmt: skip
+    row = fit(request).parameters['strain_gauge.latency']
+    assert row['value'] == pytest.approx(3 * PERIOD, rel=0.02)
 
 
 @pytest.mark.parametrize('offset', [0.02, -0.02])

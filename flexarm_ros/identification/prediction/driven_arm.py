@@ -79,7 +79,8 @@ def prepare_driven(recording: Recording, setting: Setting) -> DrivenData:
             f'{recording.name}: no channel strain1, strain2, {" or ".join(TIP)} to predict'
         )
     angles = recording.pair('theta{}')
-    recording = moved(recording, dict.fromkeys(names, setting.gauge.latency))
+    raw = recording
+    recording = moved(raw, dict.fromkeys(names, setting.gauge.latency))
     measured = np.zeros_like(angles)
     valid = np.zeros(angles.shape, dtype=bool)
     on = np.zeros(2, dtype=np.int64)
@@ -89,8 +90,8 @@ def prepare_driven(recording: Recording, setting: Setting) -> DrivenData:
     for link, name in ((0, 'strain1'), (1, 'strain2')):
         if name in names:
             measured[:, link] = recording.channels[name]
-            first = recording.held_until(name)
-            on[link] = max(first - 1, 0)
+            on[link] = max(recording.held_until(name) - 1, 0)
+            first = raw.held_until(name)  # whatever the latency: a fit compares the same samples
             valid[first:, link] = True
             kinds[link] = recording.strain_units[name]
             noises[link] = gauge_noise(measured[first : first + first_second, link])
