@@ -60,7 +60,10 @@ def prediction_page(
     offsets = ', '.join(f'{key} {value:.4g}' for key, value in prediction.offsets.items())
     parts = [
         f'<p>Mode {prediction.mode}, {_length(prediction.window)}.</p>',
-        *(f'<p class="warning">{escape(note)}</p>' for note in prediction.recording.notes),
+        *(
+            f'<p class="warning">{escape(note)}</p>'
+            for note in (*prediction.recording.notes, *prediction.notes)
+        ),
         f'<p>Offsets taken from the recording: {escape(offsets)}.</p>' if offsets else '',
         _channels('Measured and predicted', prediction.channels),
         _ringing(*rings),
