@@ -104,8 +104,10 @@ class Peers(Wire):
         """Publish bytes."""
         self.publisher(topic.name, None, None).publish(data)
 
-    def hear(self, topic: Topic, node: subprocess.Popen[str]) -> bytes:
-        """Wait for the node's next message."""
+    def hear(
+        self, topic: Topic, node: subprocess.Popen[str], repeat: Callable[[], None] = lambda: None
+    ) -> bytes:
+        """Wait for the node's next message; ``repeat`` what is repeated every 0.1 s meanwhile."""
         handle = self.heard[topic.name].handle
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
@@ -114,6 +116,7 @@ class Peers(Wire):
                 return bytes(taken[0])
             assert node.poll() is None, f'the node has ended:\n{node.communicate()[0]}'
             self.wait_for(handle)
+            repeat()
         raise AssertionError(f'no message on {topic.name} within {PATIENCE_S:g} s')
 
     def wait_for(self, handle: Any) -> None:
