@@ -173,7 +173,7 @@ def test_a_run_goes_on_without_its_controller_if_so_configured(
     hold = ('--set', 'plant.command_loss=zero', '--set', 'plant.command_hold=0.1')
     done = run(out, *hold, mode='dies')
     assert done.returncode == 0, done.stderr
-    assert 'ended with exit status 0; the run goes on' in done.stderr
+    assert 'ended, killed by SIGTERM; the run goes on' in done.stderr
     assert 'no torque on joint_command for 0.1 s: zero torque' in done.stderr
     with open(out / 'trajectory.csv', newline='') as file:
         rows = list(csv.DictReader(file))
@@ -208,7 +208,7 @@ def test_the_rest_is_recorded_after_a_controller_was_terminated(
         config, 'pd_tip', tmp_path / 'run', RunOptions(rtf=1.0, nodes={'controller': controller}),
         faults=FaultPlan([stopped], Timeline.of(config.run)),
     )  # fmt: skip
-    found = re.fullmatch(r'controller: tick (\d+): ended with exit status 0', outcome.problem)
+    found = re.fullmatch(r'controller: tick (\d+): ended, killed by SIGTERM', outcome.problem)
     assert found is not None, outcome.problem
     ticks = outcome.summary['ticks']
     assert STATES <= int(found[1]) <= ticks < 2000
