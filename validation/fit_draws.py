@@ -32,6 +32,7 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 import tempfile
+from typing import NamedTuple
 
 from flexarm_ros.identification.estimate.fitting import Fit, fit, prepare
 from flexarm_ros.identification.estimate.problem import Problem
@@ -54,11 +55,26 @@ OVERRIDES = (
 )  # fmt: skip
 """The arm as it is; the places are those of `validation.exudyn_rig.gauge_places`."""
 
-LINKS = (
-    'plant.flexural_rigidity', 'plant.link_end_mass', 'plant.link_damping', 'strain_gauge.gain',
-)  # fmt: skip
-JOINTS = ('plant.viscous_friction', 'plant.coulomb_friction', 'plant.hub_inertia')
-JOINT_CHANNELS = ('strain1', 'strain2', 'theta1_rate', 'theta2_rate')
+
+class Stage(NamedTuple):
+    """One fit of a recording: the free keys, the mode, and the channels; empty: all."""
+
+    free: tuple[str, ...]
+    mode: str
+    channels: tuple[str, ...] = ()
+
+
+LINKS = Stage(
+    ('plant.flexural_rigidity', 'plant.link_end_mass', 'plant.link_damping', 'strain_gauge.gain'),
+    'driven',
+)
+JOINTS = Stage(
+    ('plant.viscous_friction', 'plant.coulomb_friction', 'plant.hub_inertia'),
+    'torque',
+    ('strain1', 'strain2', 'theta1_rate', 'theta2_rate'),
+)
+STAGES = LINKS, JOINTS
+
 DRAWS, SECONDS = 100, 4.0
 DATA = ROOT / 'docs' / 'data' / 'fit_draws.csv'
 NOISE = 0.01
@@ -98,46 +114,29 @@ def _noisy(signal: Array, random: np.random.Generator) -> Array:
     return np.asarray(signal + NOISE * signal.std() * random.standard_normal(len(signal)))
 
 
-def fitted(data: Recording, start: Setting) -> Fit:
-    """Return the fit of links and gauges to a whole recording from rest."""
-    return _searched(data, start, LINKS, 'driven', ())
-
-
-def fitted_joints(data: Recording, start: Setting) -> Fit:
-    """Return the fit of the joints to a whole recording from rest, from measured torques."""
-    return _searched(data, start, JOINTS, 'torque', JOINT_CHANNELS)
-
-
-def _searched(
-    data: Recording, start: Setting, free: tuple[str, ...], mode: str, channels: tuple[str, ...]
-) -> Fit:
-    """Return the fit of a whole recording, every free number being `OFF` at first."""
-    keys = [key for given in free for key in numbers_of(given)]
+def fitted(data: Recording, start: Setting, stage: Stage) -> Fit:
+    """Return the fit of a whole recording from rest, every free number being `OFF` at first."""
+    keys = [key for given in stage.free for key in numbers_of(given)]
     off = start.with_numbers({key: OFF * start.number(key) for key in keys})
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / 'start.yaml'
         path.write_text(text_of(off))
-        return fit(prepare([data], path, free, mode, None, chosen=channels))
+        request = prepare([data], path, stage.free, stage.mode, None, chosen=stage.channels)
+        return fit(request)
 
 
 def one_draw(flight: dict[str, Array], seed: int) -> dict[str, tuple[float, float]]:
     """Return error and std of each number, per its true value, with the noise of a seed."""
     true = setting()
     data = measured(flight, true, seed)
-    found = {**fitted(data, true).parameters, **fitted_joints(data, true).parameters}
     return {
         key: (row['value'] / true.number(key) - 1.0, (row['std'] or np.inf) / true.number(key))
-        for key, row in found.items()
+        for stage in STAGES
+        for key, row in fitted(data, true, stage).parameters.items()
     }
 
 
-def linear_draws(
-    flight: dict[str, Array],
-    free: tuple[str, ...],
-    mode: str,
-    channels: tuple[str, ...],
-    count: int,
-) -> dict[str, Array]:
+def linear_draws(flight: dict[str, Array], stage: Stage, count: int) -> dict[str, Array]:
     """
     Return errors and stds, (count, 2), of each number, per its true value.
 
@@ -151,7 +150,8 @@ def linear_draws(
         path.write_text(text_of(true))
         for seed in range(count):
             data = [measured(flight, true, seed)]
-            problem = prepare(data, path, free, mode, None, chosen=channels).problem
+            request = prepare(data, path, stage.free, stage.mode, None, chosen=stage.channels)
+            problem = request.problem
             numbers = np.array([one.start for one in problem.free])
             if not sensitivity.size:
                 sensitivity = _sensitivity(problem, numbers)
@@ -240,29 +240,36 @@ def run(count: int = DRAWS) -> Section:
     """Compute the tables: of linear draws, and of wrong models."""
     section = Section('Fits of an arm that another code computed')
     flight = exudyn_rig.fly(setting().config.plant, SECONDS)
-    stages = (LINKS, 'driven', ()), (JOINTS, 'torque', JOINT_CHANNELS)
     found: dict[str, Array] = {}
-    for free, mode, channels in stages:
-        found.update(linear_draws(flight, free, mode, channels, count))
+    for stage in STAGES:
+        found.update(linear_draws(flight, stage, count))
     table(section, found)
-    section.table(['model', 'strain1, fit %', 'strain2, fit %'], wrong_models(flight))
+    data = measured(flight, setting(), 0)
+    section.table(
+        ['model', 'strain1, fit %', 'strain2, fit %'],
+        [
+            [name, *(f'{value:.2f}' for value in strain_fits(fitted(data, start, LINKS)))]
+            for name, start in models().items()
+        ],
+    )
     return section
 
 
-def wrong_models(flight: dict[str, Array]) -> list[list[str]]:
-    """Return how well the right model and wrong ones fit one draw."""
+def models() -> dict[str, Setting]:
+    """Return the right model and wrong ones."""
     true = setting()
-    data = measured(flight, true, 0)
     few = true.with_section('plant', replace(true.config.plant, modes=1))
     heavy = true.with_numbers({'plant.payload_mass': 1.5 * true.number('plant.payload_mass')})
-    rows = []
-    for name, start in (
-        ('as it is', true), ('one mode of three per link', few),
-        ('payload of 0.3 kg in place of 0.2 kg', heavy),
-    ):  # fmt: skip
-        channels = fitted(data, start).channels
-        rows.append([name, *(f'{channels[f"strain{n}"].fit:.2f}' for n in (1, 2))])
-    return rows
+    return {
+        'as it is': true, 'one mode of three per link': few,
+        'payload of 0.3 kg in place of 0.2 kg': heavy,
+    }  # fmt: skip
+
+
+def strain_fits(found: Fit) -> tuple[float, float]:
+    """Return how well both strains are fitted, percent."""
+    first, second = (found.channels[f'strain{n}'].fit or 0.0 for n in (1, 2))
+    return first, second
 
 
 def main() -> None:
