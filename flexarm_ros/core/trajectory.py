@@ -28,7 +28,7 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.kinematics import inverse_kinematics, reach, REACH_TOLERANCE, rigid_point
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
 import numpy as np
@@ -86,7 +86,9 @@ class Path:
 
     def command(self, time_ns: int) -> Point:
         """Return x, y, vx, vy at ``time_ns``; before 0 the start, at rest."""
-        point: Point = command_at(*self.record, time_ns)
+        found = bound(command_at, *self.record, example=(0,))
+        self.command = found  # type: ignore[method-assign]
+        point: Point = found(time_ns)
         return point
 
     def at(self, time_ns: int) -> Vector6:

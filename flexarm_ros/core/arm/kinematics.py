@@ -25,7 +25,7 @@ import math
 from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined, interpreted
+from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray, inlined, interpreted
 from flexarm_ros.core.numerics.elementary import acos, atan2, sincos
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
@@ -145,6 +145,7 @@ class RigidPointKinematics(PointKinematics):
         super().__init__(np.zeros((3, 1)), np.zeros((2, 0, 0)))
         self._along1 = min(location, lengths[0])
         self._beyond = max(location - lengths[0], 0.0)
+        self._of_angles: Any = None
 
     def record(self) -> SensedPoint:
         """Return the point for compiled code."""
@@ -152,15 +153,17 @@ class RigidPointKinematics(PointKinematics):
 
     def __call__(self, q: FloatArray, qd: FloatArray) -> tuple[float, float, float, float]:
         """Return x, y (m), vx, vy (m/s) in ``base``; only the first two entries are read."""
-        return self.of_angles(float(q[0]), float(q[1]), float(qd[0]), float(qd[1]))
+        of_angles = self._of_angles or self.of_angles
+        result: tuple[float, float, float, float] = of_angles(q[0], q[1], qd[0], qd[1])
+        return result
 
     def of_angles(
         self, th1: float, th2: float, dth1: float, dth2: float
     ) -> tuple[float, float, float, float]:
         """Return x, y, vx, vy for joint angles (rad) and rates (rad/s)."""
-        result: tuple[float, float, float, float] = rigid_point(
-            self._along1, self._beyond, th1, th2, dth1, dth2
-        )
+        if self._of_angles is None:
+            self._of_angles = bound(rigid_point, self._along1, self._beyond, example=(0.0,) * 4)
+        result: tuple[float, float, float, float] = self._of_angles(th1, th2, dth1, dth2)
         return result
 
 

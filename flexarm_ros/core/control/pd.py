@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from flexarm_ros.core.arm.kinematics import rigid_point
 from flexarm_ros.core.control.feedback import (
@@ -27,7 +28,7 @@ from flexarm_ros.core.control.feedback import (
 )
 from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.control.law import Law, Sample
-from flexarm_ros.core.numerics.compiled import compiled
+from flexarm_ros.core.numerics.compiled import bound, compiled
 from flexarm_ros.core.numerics.records import record_type
 from flexarm_ros.core.parameters.sections import RunConfig
 import numpy as np
@@ -98,6 +99,7 @@ class PdLaw(Law):
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)
         self.settings = settings_of(config, self.FUZZY)
+        self._transpose: Any = None
 
     def retune(self, config: RunConfig) -> None:
         """Use the live gains of ``config`` from the next tick on."""
@@ -107,7 +109,11 @@ class PdLaw(Law):
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
         """Return tau1, tau2 (N m); see :class:`Law`."""
         q, qd = sample.q, sample.qd
-        tau1, tau2, self.gain = transpose_law(
+        if self._transpose is None:
+            four = (0.0,) * 4
+            example = (self.settings, four, (0.0, 0.0), four, four, four)
+            self._transpose = bound(transpose_law, example=example)
+        tau1, tau2, self.gain = self._transpose(
             self.settings, (q[0], q[1], qd[0], qd[1]), sample.deflection, sample.encoder,
             sample.tip, sample.reference,
         )  # fmt: skip

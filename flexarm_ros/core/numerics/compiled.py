@@ -119,7 +119,8 @@ def bound(function: Callable[..., Any], *records: Any, example: tuple[Any, ...])
     if not isinstance(function, numba.core.dispatcher.Dispatcher):
         return partial(function, *records)
     types = tuple(map(numba.typeof, (*records, *example)))
-    return partial(function.compile(types), *records)
+    found = function.compile(types)
+    return partial(found, *records) if records else found
 
 
 @cache

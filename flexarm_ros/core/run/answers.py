@@ -140,11 +140,16 @@ class _Checked:
         self._part, self._answer, self._late, self._source = part, part.answer, part.LATE, source
         self._timeline = Timeline.of(config.run)
         self._signals = (*part.signals(config), *part.further_signals(config))
+        self._single = len(self._signals) == 1
+        self._width = self._signals[0].content.width
+        self._plain = self._single and not part.LATE
 
     def __call__(self, k: int, *inputs: Any) -> Any:
         try:
             answer = self._answer(k, *inputs)
-            messages = answer if len(self._signals) > 1 else (answer,)
+            if self._plain and len(answer) == self._width and all(map(math.isfinite, answer)):
+                return answer  # as below, in less time
+            messages = (answer,) if self._single else answer
             for signal, message in zip(self._signals, messages, strict=True):
                 self._check(k, signal, message)
         except (Exception, SystemExit, KeyboardInterrupt) as error:

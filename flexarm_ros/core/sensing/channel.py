@@ -162,8 +162,12 @@ class LatencyChannel:
         """Take the sample of tick ``k``; return stamp (ns) and values if newly delivered."""
         if self._schedule is not None:
             return self._scheduled_step(k, sample, self._schedule)
-        values, self._used_ns = self._through(k + self._shift, sample), self.ns
-        return None if k % self.every else (T0_NS + k * self._period_ns - self.ns, values)
+        self._used_ns = ns = self.ns
+        if self._width == CHANNELS:  # as `_through`, in less time
+            values: Sequence[float] = self._lines[0].step(k + self._shift, *sample)
+        else:
+            values = self._through(k + self._shift, sample)
+        return None if k % self.every else (T0_NS + k * self._period_ns - ns, values)
 
     def _through(self, k: int, sample: Sequence[float]) -> Sequence[float]:
         """Return the sample as it comes out of the lines."""

@@ -38,7 +38,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
+from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray, inlined
 from flexarm_ros.core.numerics.elementary import exp, sincos
 import numpy as np
 
@@ -93,10 +93,14 @@ class BufferDelay:
         if latency_ns < 0 or whole > self._capacity - 2:
             raise ValueError(f'{latency_ns} ns, allowed: 0 to {self.most_ns} ns')
         self._whole, self._part = whole, rest / self._period_ns
+        self.__dict__.pop('step', None)
 
     def step(self, k: int, a: float, b: float, c: float, d: float) -> Sample4:
         """Add the sample of tick ``k`` and return the delayed one; k = 0, 1, 2, ..."""
-        result: Sample4 = through_ring(self._ring, k, self._whole, self._part, a, b, c, d)
+        held = self._ring, self._whole, self._part
+        found = bound(through_ring, *held, example=(0, *[0.0] * 4))
+        self.step = found  # type: ignore[method-assign]
+        result: Sample4 = found(k, a, b, c, d)
         return result
 
     def stored(self, k: int, part: float) -> list[float]:
@@ -113,7 +117,7 @@ class BufferDelay:
 
 @compiled
 def through_ring(
-    ring: FloatArray, k: int, whole: int, part: float, a: float, b: float, c: float, d: float
+    ring: FloatArray, whole: int, part: float, k: int, a: float, b: float, c: float, d: float
 ) -> Sample4:
     """Put the sample of tick ``k`` into ``ring`` and return the one of ``whole + part`` ago."""
     size = ring.shape[0]
@@ -229,4 +233,4 @@ def delayed(line: Line, k: int, a: float, b: float, c: float, d: float) -> Sampl
     """Add the sample of tick ``k`` and return the delayed one, through either kind of line."""
     if line.ring.shape[0] == 0:
         return through_pade(line.state, line.matrices, line.direct, k == 0, a, b, c, d)
-    return through_ring(line.ring, k, line.whole, line.part, a, b, c, d)
+    return through_ring(line.ring, line.whole, line.part, k, a, b, c, d)

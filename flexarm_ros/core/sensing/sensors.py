@@ -136,7 +136,7 @@ class Encoder(_RequiredSensor):
 
         Call once per tick, in order, with the plant's state of that tick.
         """
-        arrived = self.channel.step(k, (float(q[0]), float(q[1]), float(qd[0]), float(qd[1])))
+        arrived = self.channel.step(k, (q[0], q[1], qd[0], qd[1]))
         if arrived is None:
             return self.held
         stamp, (a, b, c, d) = arrived
