@@ -33,7 +33,7 @@ import sys
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.sweep.worker import fly
+from flexarm_ros.analysis.sweep.worker import simulate_row
 from flexarm_ros.scenario.suites import suite
 from validation.paper_tables import (
     claims_table,
@@ -47,9 +47,9 @@ from validation.paper_tables import (
 from validation.paper_variants import judge, Row, Variant, variants
 
 
-def _fly(task: tuple[str, tuple[str, ...]]) -> dict[str, Any]:
+def _simulate(task: tuple[str, tuple[str, ...]]) -> dict[str, Any]:
     case, overrides = task
-    return fly(scenario.load(case, overrides))
+    return simulate_row(scenario.load(case, overrides))
 
 
 def compute(chosen: list[Variant], workers: int) -> list[Row]:
@@ -59,7 +59,7 @@ def compute(chosen: list[Variant], workers: int) -> list[Row]:
     context = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(workers, context) as pool:
         for number, (task, result) in enumerate(
-            zip(tasks, pool.map(_fly, list(tasks)), strict=True), start=1
+            zip(tasks, pool.map(_simulate, list(tasks)), strict=True), start=1
         ):
             tasks[task] = result
             print(f'\r{number} of {len(tasks)} runs', end='', file=sys.stderr, flush=True)

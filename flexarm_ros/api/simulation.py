@@ -143,12 +143,12 @@ def simulate(
     )
     name = Path(scenario).stem if isinstance(scenario, (str, os.PathLike)) else 'run'
     if out is None:
-        return _fly(config, name)
+        return _simulate(config, name)
     recorded.simulate(config, out, name)
     return load(out)
 
 
-def _fly(config: RunConfig, name: str) -> Run:
+def _simulate(config: RunConfig, name: str) -> Run:
     """Simulate a scenario and keep the result in memory."""
     loop = ClosedLoop(config)
     rows, metrics = Rows(config), Metrics(config)

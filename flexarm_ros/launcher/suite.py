@@ -139,7 +139,8 @@ def run_suite(
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         halted = lambda: stopping.is_set() or stop()  # noqa: E731
         futures = {
-            pool.submit(_fly, case, out, nodes, watch, halted): case for case in suite.cases
+            pool.submit(_run_and_judge, case, out, nodes, watch, halted): case
+            for case in suite.cases
         }
         try:
             for future in as_completed(futures):
@@ -169,7 +170,7 @@ def judge(suite: Suite, cases: list[CaseResult]) -> SuiteResult:
     return SuiteResult(suite, cases, [c.check(runs) for c in suite.compare], claims)
 
 
-def _fly(
+def _run_and_judge(
     case: Case,
     out: Path,
     nodes: Mapping[str, Sequence[str]],

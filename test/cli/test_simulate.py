@@ -225,7 +225,7 @@ def test_a_law_without_a_finite_torque_is_named_with_its_tick(
 ) -> None:
     """It read "unstable: shoulder: nan", or in the last tick "stable"."""
     import flexarm_ros as fa
-    from flexarm_ros.analysis.sweep.worker import fly
+    from flexarm_ros.analysis.sweep.worker import simulate_row
     from flexarm_ros.bag.checks.verify import verify
     from flexarm_ros.core.control import Law, LAWS, Sample
 
@@ -245,6 +245,6 @@ def test_a_law_without_a_finite_torque_is_named_with_its_tick(
     for summary in found:
         assert (summary['stable'], summary['problem']) == (False, said)
         assert (summary['ticks'], summary['unstable_tick']) == (tick + 1, tick + 1)
-    row = fly(config)
+    row = simulate_row(config)
     assert (row['outcome'], f'unstable: {row["error"]}') == ('unstable', said)
     assert verify(tmp_path / 'bag').same

@@ -200,7 +200,7 @@ def test_a_run_that_kills_its_process_is_a_row(
 
 
 def test_an_error_within_a_run_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_worker, 'fly', broken)
+    monkeypatch.setattr(sweep_worker, 'simulate_row', broken)
     row = sweep_worker.run_task([scenario.load('pd_tip')], (7, 0, ()))
     assert row == {'index': 7, 'outcome': 'failed', 'error': 'ArithmeticError: two lines'}
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm_ros import scenario
-from flexarm_ros.analysis.sweep.worker import fly
+from flexarm_ros.analysis.sweep.worker import simulate_row
 from flexarm_ros.scenario.suites import suite
 import pytest
 
@@ -32,7 +32,7 @@ PAPER = suite.load('paper')
 
 @pytest.fixture(scope='module')
 def runs() -> dict[str, dict[str, Any]]:
-    return {case.name: fly(case.config) for case in PAPER.cases}
+    return {case.name: simulate_row(case.config) for case in PAPER.cases}
 
 
 @pytest.mark.parametrize('case', PAPER.cases, ids=lambda case: case.name)
@@ -56,13 +56,13 @@ def test_the_physical_delay_is_too_much_for_both_laws_unless_rates_come_undelaye
     for law in ('pd', 'fls'):
         for place in ('tip', 'mid'):
             physical = scenario.load(f'{law}_{place}_physical')
-            assert fly(physical)['outcome'] == 'unstable'
+            assert simulate_row(physical)['outcome'] == 'unstable'
             mended = scenario.load(f'{law}_{place}_physical_encoder_rates')
-            assert fly(mended)['outcome'] == 'stable'
+            assert simulate_row(mended)['outcome'] == 'stable'
 
 
 @pytest.mark.parametrize('latency', ['0', '0.001238'])
 @pytest.mark.parametrize('law', ['pd', 'fls'])
 def test_the_true_tip_is_too_much_for_both_laws(law: str, latency: str) -> None:
     config = scenario.load(f'{law}_tip_elastic', [f'tip_sensor.latency={latency}'])
-    assert fly(config)['outcome'] == 'unstable'
+    assert simulate_row(config)['outcome'] == 'unstable'

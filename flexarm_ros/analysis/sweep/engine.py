@@ -71,11 +71,11 @@ class LocalPool:
         waiting = chunks(tasks, self._workers)[::-1]
         crashes = 0
         while waiting:
-            lost = yield from self._fly(waiting, self._workers, 2 * self._workers, stop)
+            lost = yield from self._run_tasks(waiting, self._workers, 2 * self._workers, stop)
             # One at a time, to identify the run that kills its process.
             suspects: list[Sequence[Task]] = [[task] for task in reversed(lost)]
             while suspects:
-                for index, _, _ in (yield from self._fly(suspects, 1, 1, stop)):
+                for index, _, _ in (yield from self._run_tasks(suspects, 1, 1, stop)):
                     yield {'index': index, 'outcome': 'crashed', 'error': 'its process died'}
                     crashes += 1
                 if crashes > _MOST_CRASHES:
@@ -84,7 +84,7 @@ class LocalPool:
     def close(self) -> None:
         """Do nothing: every pool ends with its work."""
 
-    def _fly(
+    def _run_tasks(
         self, waiting: list[Sequence[Task]], workers: int, ahead: int, stop: Stop
     ) -> Generator[Row, None, list[Task]]:
         """

@@ -29,7 +29,7 @@ from flexarm_ros.analysis.spawning import ENDING
 # Before NumPy is imported: threads of its linear algebra would not survive a fork.
 os.environ['OPENBLAS_NUM_THREADS'] = os.environ['OMP_NUM_THREADS'] = '1'
 
-from flexarm_ros.analysis.sweep.worker import fly
+from flexarm_ros.analysis.sweep.worker import simulate_row
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.warned import allow_warnings
 
@@ -39,7 +39,8 @@ def prepare() -> None:
     os.setpgid(0, 0)
     allow_warnings()
     config = RunConfig()
-    fly(replace(config, run=replace(config.run, duration=2.0 * config.run.control_period)))
+    two_ticks = replace(config.run, duration=2.0 * config.run.control_period)
+    simulate_row(replace(config, run=two_ticks))
 
 
 if signal.pthread_sigmask(signal.SIG_BLOCK, ()) >= ENDING:  # started by `worker_context`

@@ -46,7 +46,7 @@ class Stopped(Exception):
     """The sweep is being stopped; the run is incomplete."""
 
 
-def fly(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
+def simulate_row(config: RunConfig, stop: Callable[[], bool] = lambda: False) -> Row:
     """
     Simulate a scenario in this process and return its outcome and metrics.
 
@@ -83,7 +83,7 @@ def run_task(
     index, base, overrides = task
     try:
         find_plugins_of(bases[base])
-        return {'index': index, **fly(with_values(bases[base], overrides), stop)}
+        return {'index': index, **simulate_row(with_values(bases[base], overrides), stop)}
     except ScenarioError as error:
         return {'index': index, 'outcome': 'invalid', 'error': str(error)}
     except Stopped:

@@ -71,9 +71,9 @@ def run(args: argparse.Namespace) -> int:
     config = scenario.load(args.scenario, args.overrides)
     name = Path(args.scenario).stem
     directory = new_directory(args.out, name)
-    fly = _without_bag if args.no_bag else simulate
+    run_case = _without_bag if args.no_bag else simulate
     with Deferred() as signals, Progress(config, name) as progress:
-        summary = fly(
+        summary = run_case(
             config, directory, name, watch=progress.update, stop=lambda: bool(signals.signum)
         )
     if summary['stable'] is None and not signals.signum:

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
             directory = args.out or new_directory(None, sweep.name)
             check_utf8('--out ', str(directory.absolute()))
             with Deferred() as signals, SweepStore(directory, sweep) as store:
-                _fly(engine, sweep, store, stop=lambda: bool(signals.signum))
+                _run_all(engine, sweep, store, stop=lambda: bool(signals.signum))
                 _finish(args, sweep, store, lambda: bool(signals.signum))
                 missing, counts = store.missing(), store.counts()
     except (StoreError, EngineError) as error:
@@ -96,7 +96,7 @@ def _processes(args: argparse.Namespace) -> int:
     return args.workers or len(os.sched_getaffinity(0))
 
 
-def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop: Stop) -> None:
+def _run_all(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop: Stop) -> None:
     """Execute the runs that have no result yet."""
     from flexarm_ros.cli.options.progress import CountProgress
 
@@ -113,8 +113,8 @@ def _fly(engine: LocalPool | DaskCluster, sweep: Sweep, store: SweepStore, stop:
         for row in engine.rows(tasks, stop):
             store.add(row)
             progress.update(len(store.rows))
-    seconds, flown = time.monotonic() - start, len(store.rows) - done
-    print(f'flexarm sweep: {flown} runs in {seconds:.1f} s, {flown / seconds:.1f} a second',
+    seconds, count = time.monotonic() - start, len(store.rows) - done
+    print(f'flexarm sweep: {count} runs in {seconds:.1f} s, {count / seconds:.1f} a second',
           file=sys.stderr)  # fmt: skip
 
 

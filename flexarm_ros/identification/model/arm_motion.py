@@ -35,7 +35,7 @@ STRAIN, ANGLE, RATE, ELASTIC = 0, 2, 4, 6
 
 
 @compiled
-def flown(
+def predict_rows(
     terms: Any,
     rig: Rig,
     scratch: Scratch,

@@ -26,7 +26,7 @@ from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
 from flexarm_ros.core.sensing.lowpass import lowpass_step
 from flexarm_ros.identification.model.arm_model import ArmModel, make_model
-from flexarm_ros.identification.model.arm_motion import ANGLE, ELASTIC, flown, RATE, STRAIN
+from flexarm_ros.identification.model.arm_motion import ANGLE, ELASTIC, predict_rows, RATE, STRAIN
 from flexarm_ros.identification.model.tip import tip_path
 from flexarm_ros.identification.prediction.driven_arm import (
     driven_states,
@@ -46,7 +46,7 @@ RATE_TIME = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class Flight:
+class JointArm:
     """Arguments of the compiled motion of an arm with its joints."""
 
     rig: Rig
@@ -59,11 +59,11 @@ class Flight:
         return 2 + self.model.coordinates
 
 
-def make_flight(setting: Setting, model: ArmModel) -> Flight:
+def make_joint_arm(setting: Setting, model: ArmModel) -> JointArm:
     """Return the compiled arm of a scenario."""
     plant = setting.config.plant
     scratch = make_scratch(2 + 2 * plant.modes)
-    return Flight(_rig(plant), scratch, model)
+    return JointArm(_rig(plant), scratch, model)
 
 
 def _rig(plant: PlantParameters) -> Rig:
@@ -75,7 +75,7 @@ def _rig(plant: PlantParameters) -> Rig:
 
 
 class Loop(NamedTuple):
-    """The controller in a closed loop; see `flexarm_ros.identification.model.arm_motion.flown`."""
+    """The controller in a closed loop; see `identification.model.arm_motion.predict_rows`."""
 
     law: FloatArray
     rates: FloatArray
@@ -173,7 +173,7 @@ def predict_torque(
     angles = true_angles(data, setting)
     if zero is not None:
         model = zeroed(data, model, angles, zero)
-    flight = make_flight(setting, model)
+    arm = make_joint_arm(setting, model)
     if closed:
         loop, torques = loop_of(recording, setting), np.zeros(angles.shape)
     else:
@@ -191,27 +191,27 @@ def predict_torque(
         start = np.concatenate(
             [angles[first], state[:size], rates[number], state[size : 2 * size], state[2 * size :]]
         )
-        fly(flight, torques, data, first, min(first + length, rows), start, outputs, loop)
+        predict_from(arm, torques, data, first, min(first + length, rows), start, outputs, loop)
     turned = np.ascontiguousarray(outputs[:, ANGLE : ANGLE + 2])
     tip = tip_path(model.plant, turned, outputs[:, ELASTIC:])
     outputs[:, ANGLE : ANGLE + 2] += np.array(setting.config.encoder.offset)
     return np.hstack([outputs[:, :ELASTIC], tip]), model
 
 
-def fly(
-    flight: Flight, torques: FloatArray, data: DrivenData, first: int, last: int,
+def predict_from(
+    arm: JointArm, torques: FloatArray, data: DrivenData, first: int, last: int,
     start: FloatArray, outputs: FloatArray, loop: Loop,
 ) -> None:  # fmt: skip
     """Fill rows of ``outputs`` from a start state; see `identification.model.arm_motion`."""
-    model = flight.model
-    flown(
-        model.terms, flight.rig, flight.scratch, model.shapes, model.gauges, model.lowpass,
+    model = arm.model
+    predict_rows(
+        model.terms, arm.rig, arm.scratch, model.shapes, model.gauges, model.lowpass,
         torques, model.period, model.substeps, data.on, first, last, start, outputs, loop.law,
         loop.rates, loop.references,
     )  # fmt: skip
 
 
 __all__ = [
-    'ANGLE', 'RATE', 'STRAIN', 'centred_rates', 'make_flight', 'past_rates', 'predict_torque',
+    'ANGLE', 'RATE', 'STRAIN', 'centred_rates', 'make_joint_arm', 'past_rates', 'predict_torque',
     'rate_half_width',
 ]  # fmt: skip
