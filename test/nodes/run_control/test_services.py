@@ -99,18 +99,22 @@ def test_pause_step_speed_and_reset(tmp_path: Path, ros_domain: int, rclpy_node)
 
 def test_a_composed_free_run_is_reset(tmp_path: Path, ros_domain: int, rclpy_node) -> None:
     """Its recorder, on a thread of its own, begins again with the others."""
-    from std_srvs.srv import Trigger
+    from std_srvs.srv import SetBool, Trigger
 
-    call = caller(rclpy_node, reset=Trigger, state=Trigger)
+    call = caller(rclpy_node, reset=Trigger, pause=SetBool, state=Trigger)
     done = []
     words = ('run', 'pd_tip', '--compose', '--set', 'sync=free', '--set', 'trajectory.kind=hold',
+             '--set', 'start_paused=true',
              '--set', 'control_period=0.005', '--set', 'duration=2', '--set',
              'plant.command_hold=30', '--rtf', '1', '--no-pictures',
              '--out', tmp_path / 'run')  # fmt: skip
     run = threading.Thread(target=lambda: done.append(flexarm(*words)))
     run.start()
     try:
-        wait_for(lambda: 'running at tick 1' in call('state').message, 60, 'the run has begun')
+        # Paused until every service is connected: the run takes 2 s.
+        wait_for(lambda: 'paused' in call('state').message, 60, 'the run has begun')
+        assert call('pause', data=False).success
+        wait_for(lambda: 'running at tick 1' in call('state').message, 60, 'the run goes on')
         assert call('reset').success
     finally:
         run.join(120)

@@ -90,8 +90,8 @@ class Commander(Node):
 
     def answer(self, states: Any) -> None:
         """Send the torques."""
-        joints = zip(GOAL, states.position, states.velocity, (2000.0, 600.0), strict=True)
-        data = [kp * (goal - angle) - 0.2 * kp * rate for goal, angle, rate, kp in joints]
+        joints = zip(GOAL, states.position, states.velocity, (100.0, 30.0), strict=True)
+        data = [kp * (goal - angle) - 0.8 * kp * rate for goal, angle, rate, kp in joints]
         self.efforts.publish(Float64MultiArray(data=data))
 
 
