@@ -32,7 +32,6 @@ FEATURES: dict[str, tuple[str, ...]] = {
     ),
     'noise of the tip sensor': ('tip_sensor.noise_std=1e-4',),
     'tip sensor at 100 Hz': ('tip_sensor.rate=100.0',),
-    'tip sensor of the elastic arm': ('tip_sensor.measurand=elastic',),
     'delay as a Pade approximation': ('tip_sensor.latency_model=pade2',),
     'jitter of the tip sensor': ('tip_sensor.jitter=0.0005',),
     'exponential jitter, in order': (
