@@ -47,22 +47,19 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def tip_of(plant: FullPlant, arm: Path) -> tuple[float, float]:
-    """Return the tip of the bent arm, m, from the shapes of the links."""
-    keys = load_setting(arm).config.plant
-    return make_point(keys, sum(keys.spans), elastic=True)(plant.q, plant.qd)[:2]
-
-
 def flight(
     arm: Path, seconds: float = 4.0, overrides: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
     """Fly the plant itself with a joint PD law; return what ideal sensors read."""
-    plant = FullPlant(load_setting(arm, overrides).config)
+    config = load_setting(arm, overrides).config
+    plant, tip = FullPlant(config), make_point(config.plant, sum(config.plant.spans), elastic=True)
     rows = []
     for k in range(round(seconds / PERIOD)):
         t = k * PERIOD
         ends = plant.deflections()
-        rows.append([t, *plant.q[:2], ends[0] / 0.202, ends[1] / 0.20185, *tip_of(plant, arm)])
+        rows.append(
+            [t, *plant.q[:2], ends[0] / 0.202, ends[1] / 0.20185, *tip(plant.q, plant.qd)[:2]]
+        )
         goal = (0.4 if t % 2.0 < 1.0 else -0.4, 0.3 if (t + 0.5) % 1.6 < 0.8 else -0.3)
         torque = [
             gain * (goal[i] - plant.q[i]) - damp * plant.qd[i]

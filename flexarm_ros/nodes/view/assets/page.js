@@ -165,14 +165,19 @@ async function startRecorded() {
 }
 
 // --- commands --------------------------------------------------------------------------------
+let commands = 0;
+
 async function command(body) {
+  const number = ++commands;
   let problem = "";
   try {
     const answer = await fetch("command", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
     problem = (await answer.json()).problem;
   } catch (error) { problem = "the server does not answer"; }
-  byId("notice").textContent = problem;
-  byId("notice").hidden = !problem;
+  if (number === commands) { // a late answer to an earlier command must not hide the newest one's
+    byId("notice").textContent = problem;
+    byId("notice").hidden = !problem;
+  }
   return !problem;
 }
 
