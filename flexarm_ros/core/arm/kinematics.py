@@ -21,6 +21,7 @@ counter-clockwise positive in rad.
 
 from __future__ import annotations
 
+from functools import cached_property
 import math
 from typing import Any, NamedTuple
 
@@ -145,7 +146,6 @@ class RigidPointKinematics(PointKinematics):
         super().__init__(np.zeros((3, 1)), np.zeros((2, 0, 0)))
         self._along1 = min(location, lengths[0])
         self._beyond = max(location - lengths[0], 0.0)
-        self._of_angles: Any = None
 
     def record(self) -> SensedPoint:
         """Return the point for compiled code."""
@@ -153,18 +153,12 @@ class RigidPointKinematics(PointKinematics):
 
     def __call__(self, q: FloatArray, qd: FloatArray) -> tuple[float, float, float, float]:
         """Return x, y (m), vx, vy (m/s) in ``base``; only the first two entries are read."""
-        of_angles = self._of_angles or self.of_angles
-        result: tuple[float, float, float, float] = of_angles(q[0], q[1], qd[0], qd[1])
+        result: tuple[float, float, float, float] = self._bound(q[0], q[1], qd[0], qd[1])
         return result
 
-    def of_angles(
-        self, th1: float, th2: float, dth1: float, dth2: float
-    ) -> tuple[float, float, float, float]:
-        """Return x, y, vx, vy for joint angles (rad) and rates (rad/s)."""
-        if self._of_angles is None:
-            self._of_angles = bound(rigid_point, self._along1, self._beyond, example=(0.0,) * 4)
-        result: tuple[float, float, float, float] = self._of_angles(th1, th2, dth1, dth2)
-        return result
+    @cached_property
+    def _bound(self) -> Any:
+        return bound(rigid_point, self._along1, self._beyond, example=(0.0,) * 4)
 
 
 def round_off(lengths: Lengths, radius: Any) -> Any:

@@ -34,6 +34,7 @@ stiffness (and damping) on the others.  Neither energy nor angular momentum is c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
@@ -276,19 +277,17 @@ class Eq14Plant:
         self._matrix, self._work = np.zeros((size, size)), np.zeros((5, size))
         self._ends = (0.0, 0.0, 0.0, 0.0)
         self._torque = (0.0, 0.0)
-        self._advance: Any = None
 
     def step(self, tau1: float, tau2: float) -> None:
         """Advance by one tick with the joint torques, N m, held."""
         self._torque = tau1, tau2
-        if self._advance is None:
-            self._advance = self._bound_step()
         self._ends = self._advance(
             self._state, tau1, tau2, self._step, self.substeps, self._mass, self._diagonals,
             self._coupling, self._matrix, self._work,
         )  # fmt: skip
 
-    def _bound_step(self) -> Any:
+    @cached_property
+    def _advance(self) -> Any:
         record = self.record()
         return bound(step_eq14, example=(record.state, 0.0, 0.0, *record[1:]))
 

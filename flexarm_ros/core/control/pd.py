@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 import math
 from typing import Any
 
@@ -99,7 +100,6 @@ class PdLaw(Law):
     def __init__(self, config: RunConfig) -> None:
         super().__init__(config)
         self.settings = settings_of(config, self.FUZZY)
-        self._transpose: Any = None
 
     def retune(self, config: RunConfig) -> None:
         """Use the live gains of ``config`` from the next tick on."""
@@ -109,15 +109,16 @@ class PdLaw(Law):
     def torque(self, k: int, sample: Sample) -> tuple[float, float]:
         """Return tau1, tau2 (N m); see :class:`Law`."""
         q, qd = sample.q, sample.qd
-        if self._transpose is None:
-            four = (0.0,) * 4
-            example = (self.settings, four, (0.0, 0.0), four, four, four)
-            self._transpose = bound(transpose_law, example=example)
         tau1, tau2, self.gain = self._transpose(
             self.settings, (q[0], q[1], qd[0], qd[1]), sample.deflection, sample.encoder,
             sample.tip, sample.reference,
         )  # fmt: skip
         return tau1, tau2
+
+    @cached_property
+    def _transpose(self) -> Any:
+        four = (0.0,) * 4
+        return bound(transpose_law, example=(self.settings, four, (0.0, 0.0), four, four, four))
 
 
 class FlsLaw(PdLaw):
