@@ -27,11 +27,11 @@ import traceback
 from typing import Any
 
 from flexarm_ros.core.ending import handle_ending
+from flexarm_ros.core.run.answers import ANY_ERROR
 from flexarm_ros.core.run.parts import known_parts
 from flexarm_ros.nodes.answering import answering_node
 from flexarm_ros.nodes.classes import class_of, has_own_node, module_of
 from flexarm_ros.nodes.runtime.ending import describe
-from flexarm_ros.nodes.runtime.errors import ANY_ERROR
 from flexarm_ros.nodes.runtime.lockstep import spin
 from flexarm_ros.nodes.runtime.parameters.declared import parameter_files
 from flexarm_ros.nodes.runtime.participant import Participant

@@ -111,6 +111,14 @@ class Answers:
             part.retune(config)
 
 
+ANY_ERROR = (Exception, SystemExit, KeyboardInterrupt)
+"""
+What the code of a law or part may raise.
+
+In a node's process the last two come from nothing else, as signals have handlers there.
+"""
+
+
 class PartError(RuntimeError):
     """A part or law from outside this package raised an error, or its message is invalid."""
 
@@ -127,7 +135,7 @@ def make_part(kind: type[Answer], config: RunConfig) -> Answer:
     source = _source(_law(config) if own_law else kind)
     try:
         part = kind(config)
-    except (Exception, SystemExit, KeyboardInterrupt) as error:
+    except ANY_ERROR as error:
         raise _failure(kind.NAME, error, source) from error
     part.answer = _Checked(part, config, source)  # type: ignore[method-assign]
     return part
@@ -152,7 +160,7 @@ class _Checked:
             messages = (answer,) if self._single else answer
             for signal, message in zip(self._signals, messages, strict=True):
                 self._check(k, signal, message)
-        except (Exception, SystemExit, KeyboardInterrupt) as error:
+        except ANY_ERROR as error:
             raise _failure(f'{self._part.title}: tick {k}', error, self._source) from error
         return answer
 

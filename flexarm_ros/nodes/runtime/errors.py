@@ -16,13 +16,6 @@
 
 from __future__ import annotations
 
-ANY_ERROR = (Exception, SystemExit, KeyboardInterrupt)
-"""
-What the code of a law or part may raise.
-
-The last two come from nothing else here: signals have handlers in a node's process.
-"""
-
 
 class RunFailed(Exception):
     """

@@ -19,11 +19,12 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from flexarm_ros.core.run.answers import ANY_ERROR
 from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.nodes.realtime.system import ask_all_threads
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
 from flexarm_ros.nodes.runtime.ending import Ending
-from flexarm_ros.nodes.runtime.errors import ANY_ERROR, RunFailed
+from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.membership import Membership
 from flexarm_ros.nodes.runtime.joining.status import Phase, StatusBoard
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, MemberNode
