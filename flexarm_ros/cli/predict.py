@@ -153,8 +153,7 @@ def _context(prediction: Prediction) -> dict[str, Any]:
 
 
 def _title(prediction: Prediction) -> str:
-    length = 'all data' if prediction.window is None else f'windows of {prediction.window:g} s'
-    return f'{prediction.recording.name}: {prediction.mode}, {length}'
+    return f'{prediction.recording.name}: {prediction.manner}'
 
 
 def print_table(numbers: dict[str, dict[str, float | None]], title: str) -> None:

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.sensing.gauge import BIAS, SLOPE
@@ -28,7 +29,6 @@ from flexarm_ros.identification.model.arm_model import (
     observer_gain,
 )
 from flexarm_ros.identification.model.driven_motion import driven
-from flexarm_ros.identification.model.tip import tip_path
 from flexarm_ros.identification.recording import moved, Recording
 from flexarm_ros.identification.setting import Setting
 from flexarm_ros.scenario.errors import ScenarioError
@@ -43,6 +43,20 @@ TIP = ('tip_x', 'tip_y')
 """Channels of the elastic tip in ``base``, m, without delay."""
 
 _NO_ROWS = np.zeros((0, 0))
+
+
+class Motion(NamedTuple):
+    """
+    A predicted motion of n samples, and the model, with the offsets that were used.
+
+    ``outputs``: strains (n, 2), or more columns; ``angles`` (n, 2): joint angles without the
+    encoders' offsets, rad; ``elastic`` (n, 2N): elastic coordinates of both links.
+    """
+
+    outputs: FloatArray
+    angles: FloatArray
+    elastic: FloatArray
+    model: ArmModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,12 +200,8 @@ def predict_driven(
     window: float | None,
     zero: float | None,
     gain: FloatArray | None = None,
-) -> tuple[FloatArray, ArmModel]:
-    """
-    Return the prediction, (n, 4), and the model, with the offsets that were used.
-
-    Columns: strains, and the tip's x and y in ``base``, m.
-    """
+) -> Motion:
+    """Return the predicted motion; its outputs are the strains."""
     model = make_model(setting, data.recording.period, data.kinds)
     angles = true_angles(data, setting)
     if zero is not None:
@@ -207,5 +217,4 @@ def predict_driven(
         first = number * length
         last = min(first + length, len(angles))
         _drive(data, model, angles, first, last, start, none, outputs, states)
-    elastic = states[:, : model.coordinates]
-    return np.hstack([outputs, tip_path(model.plant, angles, elastic)]), model
+    return Motion(outputs, angles, states[:, : model.coordinates], model)

@@ -22,6 +22,7 @@ import math
 
 from flexarm_ros.core.numerics.compiled import FloatArray
 from flexarm_ros.core.sensing.gauge import BIAS
+from flexarm_ros.identification.model.tip import tip_path
 from flexarm_ros.identification.prediction.driven_arm import (
     BoolArray,
     predict_driven,
@@ -120,6 +121,12 @@ class Prediction:
     notes: tuple[str, ...] = ()
 
     @property
+    def manner(self) -> str:
+        """Return the mode and the length of the windows as text."""
+        length = 'all data' if self.window is None else f'windows of {self.window:g} s'
+        return f'{self.mode}, {length}'
+
+    @property
     def numbers(self) -> dict[str, dict[str, float | None]]:
         """Return fit, vaf and rms of each channel."""
         return {name: channel.numbers() for name, channel in self.channels.items()}
@@ -144,9 +151,10 @@ def predict(
         raise ScenarioError(f'--window {window:g}: at least two samples, {2 * recording.period:g}')
     data = prepare_driven(recording, setting)
     if mode == 'driven':
-        outputs, model = predict_driven(data, setting, window, zero)
+        motion = predict_driven(data, setting, window, zero)
     else:
-        outputs, model = predict_torque(data, setting, window, zero, mode == 'closed_loop')
+        motion = predict_torque(data, setting, window, zero, mode == 'closed_loop')
+    outputs = motion.outputs
     channels = {
         name: Channel(data.measured[:, link], outputs[:, link], data.valid[:, link])
         for link, name in ((0, 'strain1'), (1, 'strain2'))
@@ -155,15 +163,18 @@ def predict(
     if mode != 'driven':
         length = len(outputs) if window is None else max(1, round(window / recording.period))
         channels.update(_joint_channels(recording, data.raw_angles, outputs, length))
-    whole = np.ones(len(outputs), dtype=bool)
-    channels.update(
-        (name, Channel(recording.channels[name], outputs[:, place], whole))
-        for place, name in ((-2, TIP[0]), (-1, TIP[1]))
-        if name in recording.channels
-    )
+    tip = [(axis, name) for axis, name in enumerate(TIP) if name in recording.channels]
+    if tip:
+        whole = np.ones(len(outputs), dtype=bool)
+        path = tip_path(motion.model.plant, motion.angles, motion.elastic)
+        channels.update(
+            (name, Channel(recording.channels[name], path[:, axis], whole)) for axis, name in tip
+        )
     offsets = {}
     if zero is not None:
-        offsets = {name: float(model.gauges[int(name[-1]) - 1, BIAS]) for name in data.names}
+        offsets = {
+            name: float(motion.model.gauges[int(name[-1]) - 1, BIAS]) for name in data.names
+        }
     notes = start_notes(recording) if window is None or zero is not None else ()
     return Prediction(data.recording, mode, window, channels, offsets, notes)
 

@@ -27,10 +27,10 @@ from flexarm_ros.core.parameters.sections import PlantParameters
 from flexarm_ros.core.sensing.lowpass import lowpass_step
 from flexarm_ros.identification.model.arm_model import ArmModel, make_model
 from flexarm_ros.identification.model.arm_motion import ANGLE, ELASTIC, predict_rows, RATE, STRAIN
-from flexarm_ros.identification.model.tip import tip_path
 from flexarm_ros.identification.prediction.driven_arm import (
     driven_states,
     DrivenData,
+    Motion,
     rest_state,
     true_angles,
     zeroed,
@@ -52,11 +52,6 @@ class JointArm:
     rig: Rig
     scratch: Scratch
     model: ArmModel
-
-    @property
-    def coordinates(self) -> int:
-        """Return the number n of coordinates of the arm."""
-        return 2 + self.model.coordinates
 
 
 def make_joint_arm(setting: Setting, model: ArmModel) -> JointArm:
@@ -162,9 +157,9 @@ def centred_rates(angles: FloatArray, period: float) -> FloatArray:
 def predict_torque(
     data: DrivenData, setting: Setting, window: float | None, zero: float | None,
     closed: bool = False,
-) -> tuple[FloatArray, ArmModel]:  # fmt: skip
+) -> Motion:  # fmt: skip
     """
-    Return strains, angles, rates and tip, (n, 8), and the model, as for `predict_driven`.
+    Return the predicted motion; its outputs are strains, angles as read, and rates, (n, 6).
 
     ``closed``: the scenario's law closes the loop; otherwise the torques are as measured.
     """
@@ -192,10 +187,9 @@ def predict_torque(
             [angles[first], state[:size], rates[number], state[size : 2 * size], state[2 * size :]]
         )
         predict_from(arm, torques, data, first, min(first + length, rows), start, outputs, loop)
-    turned = np.ascontiguousarray(outputs[:, ANGLE : ANGLE + 2])
-    tip = tip_path(model.plant, turned, outputs[:, ELASTIC:])
+    turned = outputs[:, ANGLE : ANGLE + 2].copy()
     outputs[:, ANGLE : ANGLE + 2] += np.array(setting.config.encoder.offset)
-    return np.hstack([outputs[:, :ELASTIC], tip]), model
+    return Motion(outputs[:, :ELASTIC], turned, outputs[:, ELASTIC:], model)
 
 
 def predict_from(

@@ -40,7 +40,7 @@ def fit_page(fit: Fit, pictures: Sequence[Path]) -> str:
     names = ', '.join(Path(task.recording.name).name for task in fit.problem.tasks)
     parts = [
         f'<p>Mode {fit.problem.mode}, {_length(fit.problem.window)}.</p>',
-        *(f'<p class="warning">{escape(text)}</p>' for text in fit.warnings),
+        *_warnings(fit.warnings),
         _parameters(fit),
         _channels('Fitted', fit.channels),
         _channels('Hold-out, not fitted', fit.held_out) if fit.held_out else '',
@@ -60,10 +60,7 @@ def prediction_page(
     offsets = ', '.join(f'{key} {value:.4g}' for key, value in prediction.offsets.items())
     parts = [
         f'<p>Mode {prediction.mode}, {_length(prediction.window)}.</p>',
-        *(
-            f'<p class="warning">{escape(note)}</p>'
-            for note in (*prediction.recording.notes, *prediction.notes)
-        ),
+        *_warnings((*prediction.recording.notes, *prediction.notes)),
         f'<p>Offsets taken from the recording: {escape(offsets)}.</p>' if offsets else '',
         _channels('Measured and predicted', prediction.channels),
         _ringing(*rings),
@@ -99,6 +96,10 @@ def _ringing(measured: Sequence[Mode], predicted: Sequence[Mode]) -> str:
 def _table(title: str, titles: Sequence[str], rows: Sequence[str]) -> str:
     head = ''.join(f'<th>{text}</th>' for text in titles)
     return f'<h2>{title}</h2><div class="wide"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
+
+
+def _warnings(texts: Sequence[str]) -> list[str]:
+    return [f'<p class="warning">{escape(text)}</p>' for text in texts]
 
 
 def _length(window: float | None) -> str:

@@ -99,5 +99,4 @@ def _unit(prediction: Prediction, name: str) -> tuple[float, str]:
 
 
 def _title(prediction: Prediction) -> str:
-    length = 'all data' if prediction.window is None else f'windows of {prediction.window:g} s'
-    return f'{Path(prediction.recording.name).name}: {prediction.mode}, {length}'
+    return f'{Path(prediction.recording.name).name}: {prediction.manner}'

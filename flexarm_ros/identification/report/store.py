@@ -16,7 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 import json
 from pathlib import Path
 from typing import Any
@@ -37,13 +38,10 @@ def write(fit: Fit, out: Path, pictures: bool = True) -> list[Path]:
     ]
     if pictures:
         from flexarm_ros.identification.report.page import fit_page
-        from flexarm_ros.identification.report.pictures import write_pictures
 
         named = [(f'fitted_{i + 1}', found) for i, found in enumerate(fit.predictions)]
         named += [(f'held_out_{i + 1}', found) for i, found in enumerate(fit.others)]
-        drawn = write_pictures(named, out / 'pictures')
-        shown = [path for path in drawn if path.suffix == '.png']
-        files += [_text(out / 'fit.html', fit_page(fit, shown)), *drawn]
+        files += _illustrated(out / 'fit.html', named, partial(fit_page, fit))
     return files
 
 
@@ -56,11 +54,20 @@ def write_prediction(
     ``rings``: the modes that ring at rest, measured and predicted.
     """
     from flexarm_ros.identification.report.page import prediction_page
+
+    page = partial(prediction_page, prediction, rings)
+    return _illustrated(out / 'prediction.html', [('prediction', prediction)], page)
+
+
+def _illustrated(
+    path: Path, named: list[tuple[str, Prediction]], page: Callable[[list[Path]], str]
+) -> list[Path]:
+    """Write the pictures of predictions and the page that shows them; return their paths."""
     from flexarm_ros.identification.report.pictures import write_pictures
 
-    drawn = write_pictures([('prediction', prediction)], out / 'pictures')
-    shown = [path for path in drawn if path.suffix == '.png']
-    return [_text(out / 'prediction.html', prediction_page(prediction, rings, shown)), *drawn]
+    drawn = write_pictures(named, path.parent / 'pictures')
+    shown = [picture for picture in drawn if picture.suffix == '.png']
+    return [_text(path, page(shown)), *drawn]
 
 
 def _source(fit: Fit) -> str:
@@ -69,8 +76,8 @@ def _source(fit: Fit) -> str:
 
 
 def _text(path: Path, text: str) -> Path:
-    partial = path.with_name(path.name + '.tmp')
+    unfinished = path.with_name(path.name + '.tmp')
     with naming(path):
-        partial.write_text(text, 'utf-8', 'backslashreplace')
-        partial.replace(path)
+        unfinished.write_text(text, 'utf-8', 'backslashreplace')
+        unfinished.replace(path)
     return path
