@@ -36,14 +36,11 @@ ROUNDS = 5
 WHOLE_S = 16
 
 _NAMES = {
-    'wait set': 'executor: waiting on the wait set',
-    'loop of the nodes': "executor: the nodes' own loop",
-    'serialization': 'serialization (CDR to bytes and back)',
-    'DDS hop': 'DDS hop: publish and take',
-    'DDS threads': "DDS hop: the middleware's own threads",
-    'fused step': 'fused steps (checks, sensors and control law, serialization)',
-    'physics and control': 'physics, sensors, reference and control law',
-    'recording': 'recording (collecting, compressing, writing)',
+    'loops': 'compiled loops: wait, take, check, compute, publish',
+    'DDS threads': "the middleware's own threads",
+    'Python': 'Python of the nodes',
+    'taking': 'recorder: taking and checking messages',
+    'recording': 'recorder: collecting, compressing, writing',
 }
 
 

@@ -207,7 +207,7 @@ def _parts(facts: dict[str, dict], ticks: int) -> dict[str, float]:
         for part, seconds in fact['parts'].items():
             total[part] = total.get(part, 0.0) + seconds
         rest = fact['thread_s'] - sum(fact['parts'].values())
-        total['loop of the nodes'] = total.get('loop of the nodes', 0.0) + rest
+        total['Python'] = total.get('Python', 0.0) + rest
         threads = fact['cpu_s'] - fact['thread_s']
         total['DDS threads'] = total.get('DDS threads', 0.0) + threads
     return {part: seconds / ticks * 1e6 for part, seconds in total.items()}

@@ -32,14 +32,10 @@ from typing import Any
 
 from bench.launch import PLAIN
 from flexarm_ros.bag.writer import BagWriter
-from flexarm_ros.core import control
-from flexarm_ros.core.arm.plant_eq14 import Eq14Plant
-from flexarm_ros.core.sensing import sensors
-from flexarm_ros.core.trajectory import Reference
 from flexarm_ros.nodes import process
 from flexarm_ros.nodes.runtime import ending, participant
 from flexarm_ros.nodes.runtime.member import Member
-from flexarm_ros.nodes.runtime.topics import channels, endpoints
+from flexarm_ros.nodes.runtime.topics import channels
 from flexarm_ros.wire import fused_step
 
 PARTS: dict[str, int] = {}
@@ -80,7 +76,7 @@ class Meter:
     def end(self, node: Member) -> None:
         """Write what has been used since the start; the last node's word stands."""
         wall, cpu, thread = (b - a for a, b in zip(self._start, self._now(), strict=True))
-        parts = {part: (ns - self._parts[part]) * 1e-9 for part, ns in PARTS.items()}
+        parts = {part: (ns - self._parts.get(part, 0)) * 1e-9 for part, ns in PARTS.items()}
         facts = {'wall_s': wall, 'cpu_s': cpu, 'thread_s': thread, 'ticks': node.tick}
         self._out.write_text(json.dumps({**facts, 'parts': parts}), encoding='utf-8')
 
@@ -111,38 +107,13 @@ def hook(meter: Meter, role: str) -> None:
 def wrap() -> None:
     """Time the calls of the hot path, each as a part of its own."""
     for owner, name, part in (
-        (endpoints.Waiter, 'wait', 'wait set'),
-        (Eq14Plant, 'step', 'physics and control'),
-        (sensors.Encoder, 'measure', 'physics and control'),
-        (sensors.TipSensor, 'measure', 'physics and control'),
-        (Reference, 'command', 'physics and control'),
-        (control.LAWS['pd'], 'torque', 'physics and control'),
-        (control.LAWS['fls'], 'torque', 'physics and control'),
         (BagWriter, 'write_ticks', 'recording'),
-        (channels.Input, '_judge_block', 'serialization'),
+        (channels.Input, '_take_plain', 'taking'),
+        (channels.Input, '_judge_block', 'taking'),
     ):
         setattr(owner, name, timed(getattr(owner, name), part))
     bind = fused_step.bound
-    fused_step.bound = lambda *args, **words: timed(bind(*args, **words), 'fused step')
-    configure_output, configure_input = channels.Output.configure, channels.Input.configure
-    make_input = channels.Input.__init__
-
-    def output(self: Any, *args: Any) -> None:
-        configure_output(self, *args)
-        self._encode = timed(self._encode, 'serialization')
-        self.publish = timed(self.publish, 'DDS hop')
-
-    def reader(self: Any, *args: Any) -> None:
-        configure_input(self, *args)
-        self._decode = timed(self._decode, 'serialization')
-
-    def made(self: Any, *args: Any) -> None:
-        make_input(self, *args)
-        self._take = timed(self._take, 'DDS hop')
-
-    channels.Output.configure = output  # type: ignore[method-assign]
-    channels.Input.configure = reader  # type: ignore[method-assign]
-    channels.Input.__init__ = made  # type: ignore[method-assign]
+    fused_step.bound = lambda *args, **words: timed(bind(*args, **words), 'loops')
 
 
 def main(role: str, out: str, rest: list[str]) -> int:

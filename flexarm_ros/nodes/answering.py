@@ -25,7 +25,7 @@ from flexarm_ros.core.run.part import Answer, STATE
 from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.core.run.state import MessageState
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.fast_path import FastInputs
+from flexarm_ros.nodes.runtime.fast_path import FastPath
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
 from flexarm_ros.wire.fused_step import answer_step, FusedStep
@@ -74,7 +74,7 @@ class AnsweringNode(Participant):
         self._step: FusedStep | None = None
         if self.alone:  # composed nodes hand over values
             self._step = answer_step(self._part, reads, writes, self.timeline.period_ns)
-        self._fast: FastInputs | None = None
+        self.fast = None
 
     def advance(self) -> bool:
         """Answer this tick."""
@@ -100,32 +100,19 @@ class AnsweringNode(Participant):
 
     def advance_fast(self, waiter: Waiter, until: float) -> None:
         """Answer by the fused step."""
-        step = self._step
+        step, first = self._step, self.tick
         if step is None:
             return
-        if self._fast is None:
-            self._fast = FastInputs(self._reads, step.inputs, waiter)
-        fast, last, changes = self._fast, self.final_tick, self.live.waiting
-        if not fast.usable(self.tick):
+        if self.fast is None:
+            handles = [output.publisher.handle for output in self.outputs.values()]
+            self.fast = FastPath(step, self._reads, handles, waiter)
+        if not self.fast.enter(first, self.waiting.since, until):
             return
-        (output,) = self.outputs.values()
-        publish, message, compute = output.publish, step.output.bytes, step.compute
-        first = self.tick
-        try:
-            ready = fast.read_ahead()
-            while ready and self.tick < last and not changes:
-                if not (fast.read() and compute(self.tick)):
-                    break
-                publish(message())
-                fast.accept()
-                self.tick += 1
-                ready = fast.read_ahead()
-                if self.waiting.progress() >= until:
-                    break
-        finally:
-            fast.leave(self.tick)
-            if self.tick > first:
-                step.leave()
+        if not self.live.waiting:
+            self.tick = self.fast.run(first, self.final_tick)
+        self.fast.leave(self.tick, self.waiting)
+        if self.tick > first:
+            step.leave()
 
     def _views(self, values: list[Any]) -> list[Any]:
         """Return the values of each input's message in the form that parts expect."""

@@ -34,7 +34,7 @@ from flexarm_ros.nodes.realtime.system import ask, SYSTEM_KEYS
 from flexarm_ros.nodes.run_control.services import RunControl
 from flexarm_ros.nodes.run_control.simulation_services import offer_standard_services
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.fast_path import FastInputs
+from flexarm_ros.nodes.runtime.fast_path import FastPath
 from flexarm_ros.nodes.runtime.joining.status import Phase, PRIORITY
 from flexarm_ros.nodes.runtime.parameters.own import how_to_go_on
 from flexarm_ros.nodes.runtime.participant import Participant
@@ -42,7 +42,7 @@ from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.wire.fused_step import plant_step, PlantStep
+from flexarm_ros.wire.fused_step import plant_step, PlantStep, SENT, UNSTABLE
 from flexarm_ros.wire.topics import applied, per_tick_topics, TIMING, Topic
 
 RECORDER_WINDOW = 256
@@ -113,8 +113,9 @@ class PlantNode(Participant):
         self._free = self._free_run()
         self._fused: PlantStep | None = None
         if self.alone:
-            self._fused = plant_step(self.plant, self.config, per_tick_topics(self.config))
-        self._fast: FastInputs | None = None
+            topics = per_tick_topics(self.config)
+            self._fused = plant_step(self.plant, self.config, topics, TICK_EVERY)
+        self.fast = None
         self._sent = False
         self._reported_hold = False
 
@@ -184,40 +185,44 @@ class PlantNode(Participant):
 
     def advance_fast(self, waiter: Waiter, until: float) -> None:
         """Integrate and publish by the fused step."""
-        fused = self._fused
-        if fused is None or not self._sent:
+        if self._fused is None or not self._sent or self.tick >= self.final_tick:
             return
-        if self._fast is None:
-            self._fast = FastInputs(self._read, [fused.command], waiter)
-        fast, last = self._fast, self.final_tick
-        if not fast.usable(self.tick):
+        if self.fast is None:
+            publishers = (each.publisher for each in (self._reached, self._state, self._time))
+            handles = [publisher.handle for publisher in publishers]
+            self.fast = FastPath(self._fused, self._read, handles, waiter)
+        if not self.fast.enter(self.tick, self.waiting.since, until):
             return
-        try:
-            while self._sent and self.tick < last and not self.live.waiting:
-                if not fast.read():
-                    break
-                valid, *torque = fused.torque(self.tick)
-                if not valid:
-                    break
-                fast.accept()
-                self._sent = False
-                if not self._integrate([torque]) or self._held(self.tick):
-                    break
-                self._send_fused(fused)
-                self._sent = True
-                if self.waiting.progress() >= until:
-                    break
-        finally:
-            fast.leave(self.tick)
+        self.tick, end = self.fast.run(self.tick, self._bound())
+        self._sent = end >= SENT
+        self.plant.set_state(self.plant.q, self.plant.qd)  # and the deflections with it
+        self.fast.leave(self.tick + (end == UNSTABLE), self.waiting)
+        if end == UNSTABLE:
+            self._end_unstable(instability(self.plant) or '')
+        elif end > SENT:
+            self._send_again(end, self._fused)
+        elif not self._sent and not self._held(self.tick):
+            self._send()
+            self._sent = True
 
-    def _send_fused(self, fused: PlantStep) -> None:
-        tick = self.tick
-        if tick % TICK_EVERY == 0:
+    def _bound(self) -> int:
+        """Return the tick that the fast path integrates to, which it leaves to Python."""
+        if self.live.waiting or not self.control.unlimited:
+            return self.tick + 1
+        ticks = [self.final_tick, *self._holds[:1]]
+        if self.config.run.record:
+            ticks.append(self._recorded.ticks + self._window)
+        return max(self.tick + 1, min(ticks))
+
+    def _send_again(self, failed: int, fused: PlantStep) -> None:
+        """Publish by rclpy, which raises the reason, what `send_state` has not; see there."""
+        tick, (_, state, clock) = self.tick, fused.outputs
+        if failed == 1:
             self._reached.tell(tick)
-        fused.write(tick, *self.plant.deflections())
-        self._state.publish(fused.state.bytes())
-        if tick % self._time.topic.every == 0:
-            self._time.publish(fused.clock.bytes())
+        if failed <= 2:
+            self._state.publish(state.bytes())
+        if self._time.topic.due(tick):
+            self._time.publish(clock.bytes())
 
     def _integrate(self, held: Sequence[Sequence[float]]) -> bool:
         """Integrate to the next tick with constant inputs; False if the arm is unstable there."""

@@ -21,9 +21,11 @@ from typing import Any, ClassVar
 
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.trajectory import Reference
+from flexarm_ros.nodes.runtime.fast_path import FastPath
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressInput
 from flexarm_ros.nodes.runtime.topics.graph import TICK_EVERY, TICK_TOPIC
+from flexarm_ros.wire.fused_step import reference_step
 
 AHEAD = 64
 """Maximum number of ticks that the reference is published ahead of the plant.
@@ -67,6 +69,16 @@ class TrajectoryNode(Participant):
         """Create the reference."""
         self._reference = Reference(self.config)
         self._output = self.outputs['reference']
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Prepare the fast path for the present delay."""
+        self.fast = None
+        step = None
+        if self.alone:  # composed nodes hand over values
+            step = reference_step(self._reference, self._output.topic, self.timeline.period_ns)
+        if step is not None:
+            self.fast = FastPath(step, [], [self._output.publisher.handle])
 
     def warm_up(self) -> None:
         """Compute one reference."""
@@ -82,6 +94,7 @@ class TrajectoryNode(Participant):
     def retune(self, config: RunConfig) -> None:
         """Apply the delay from the first unpublished tick on."""
         self._reference.retune(config)
+        self._prepare()
 
     def advance(self) -> bool:
         """Publish references up to `AHEAD` ticks beyond the plant's, when it reports progress."""
@@ -91,6 +104,8 @@ class TrajectoryNode(Participant):
         until = ahead_until(self._reached.ticks, self.tick, self.timeline.ticks)
         if self.tick >= until:
             return news
+        if self.fast is not None and self.fast.run is not None:
+            self.tick = self.fast.run(self.tick, until)
         for tick in range(self.tick, until):
             self._output.send(self.timeline.stamp_ns(tick), *self._reference.command(tick))
         self.tick = until

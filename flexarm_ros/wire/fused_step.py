@@ -13,36 +13,36 @@
 # limitations under the License.
 
 """
-The fused node step: from the bytes of a tick's messages to the bytes of the answer, compiled.
+The fused node step: from the messages of a tick to the published answer, compiled.
 
 A node of a lock-step run does little arithmetic per tick, 1 us of some 100 us.  Most of its own
-time is Python between taking a message and publishing the answer: decoding to Python numbers,
-comparing, a dozen calls, converting numbers for a compiled function and back, encoding.  In a
-process of its own this code is cold at every tick and takes several times what a loop over it
-takes.  Here one compiled call per tick checks the messages, computes, and writes the answer.
+time is Python between two messages: taking one with its info, decoding to Python numbers,
+comparing, a dozen calls, converting numbers for a compiled function and back, encoding,
+publishing.  In a process of its own this code is cold at every tick and takes several times what
+a loop over it takes.  Here a compiled loop takes the messages, checks them, computes, and
+publishes the answer, tick by tick, until something unusual arrives or Python's turn comes.
 
 What it does
-    Messages are copied into buffers which stay at one place (`Buffer`), so that the compiled
-    function is called with the tick alone.  It compares each message with the template of its
-    codec (`flexarm_ros.wire.cdr`), checks stamp and finiteness, calls the compiled functions of
-    the parts, and puts stamp and values into the buffer of the answer.  There is no formula of its
-    own: `delayed`, `sensed_point`, `read_out`, `transpose_law`, `step_eq14`, `step`, `is_stable`
-    are those that the parts, the loop in one process and `flexarm_ros.core.run.kernel` call as
-    well, so that the bytes are the same.
+    Messages are copied into buffers which stay at one place (`Buffer`).  A step compares each
+    message with the template of its codec (`flexarm_ros.wire.cdr`), checks stamp and finiteness,
+    calls the compiled functions of the parts, and puts stamp and values into the buffer of the
+    answer.  There is no formula of its own: `delayed`, `sensed_point`, `read_out`,
+    `transpose_law`, `command_at`, `step_eq14`, `step` and `is_stable` are those that the parts,
+    the loop in one process and `flexarm_ros.core.run.kernel` call as well, so that the bytes are
+    the same.
 
 What it does not do
-    A call returns False, and has changed nothing, for anything but a plain tick: another layout,
-    a wrong stamp, a value that is not finite, an arm that becomes unstable, a torque that is not
-    finite.  The node then gives the messages back and treats the tick in Python, where each check
-    is made again, and where a fault gets its text.  So the fast path can only accept what the
-    Python path accepts, and reports nothing.
+    A step returns False, and has changed nothing, for anything but a plain tick: another layout,
+    a wrong stamp, a value or a torque that is not finite.  The loop then ends, and the node treats
+    the tick in Python, where each check is made again, and where a fault gets its text.  So the
+    fast path can only accept what the Python path accepts, and reports nothing.
 
 Which nodes
     `answer_step` and `plant_step` return None for what has no fused step: a law in Python, a
     sensor with noise, sample rate, jitter, loss or offset, several tip sensors, a delayed or
-    slower controller, drives, disturbances, parts of other packages, a free-running run.  Such a
-    node takes each tick in Python.  Sender and sequence number are not in the bytes: they are
-    checked where messages are taken (`flexarm_ros.nodes.runtime.fast_path`).
+    slower controller, Coulomb friction, drives, disturbances, parts of other packages, a
+    free-running run.  Such a node takes each tick in Python.  Sender and sequence number are not
+    in the bytes: they are checked where messages are taken (`flexarm_ros.wire.rcl_calls`).
 
 Alignment
     CDR aligns from the end of its header of four bytes.  A message is copied to byte 4 of a
@@ -60,23 +60,29 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import math
 import sys
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from flexarm_ros.core.arm.full.dynamics import step as step_full
+from flexarm_ros.core.arm.full.plant import FullPlant, FullRecord
 from flexarm_ros.core.arm.kinematics import sensed_point, SensedPoint
-from flexarm_ros.core.arm.plant import Plant
+from flexarm_ros.core.arm.plant import is_stable, Plant
+from flexarm_ros.core.arm.plant_eq14 import Eq14Plant, Eq14Record, step_eq14
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw, transpose_law
-from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray, unlocked
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run import part
 from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.parts import answering
-from flexarm_ros.core.run.required_parts import ControllerPart, PlantPart
+from flexarm_ros.core.run.required_parts import ControllerPart, PlantPart, TrajectoryPart
+from flexarm_ros.core.run.state import Four
 from flexarm_ros.core.run.warmup import warm_up
 from flexarm_ros.core.sensing.delay import delayed
 from flexarm_ros.core.sensing.parts import EncoderPart, TipSensorPart
 from flexarm_ros.core.sensing.sensors import Encoder, read_out, Readout, TipSensor
 from flexarm_ros.core.timeline import T0_NS, Timeline
+from flexarm_ros.core.trajectory import command_at, Reference, Sides
 from flexarm_ros.wire.cdr import Codec
+from flexarm_ros.wire.rcl_calls import accept, collect, LINK, PORT, progress, publish, Records
 from flexarm_ros.wire.topics import per_tick_topics, Topic
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +112,8 @@ class Buffer:
     """
     The buffer of one topic's message, and its two ends.
 
-    ``put`` is where the bytes of a received message are copied to, ``bytes`` returns those of the
-    message in it.
+    ``put`` is where the bytes of a received message are copied to, at ``address``; ``bytes``
+    returns those of the message in it, ``size`` bytes.
     """
 
     def __init__(self, topic: Topic) -> None:
@@ -118,6 +124,7 @@ class Buffer:
         rows = layout.view(np.uint8)
         held = slice(_HEADER, _HEADER + codec.size)
         rows[0, held], rows[1, held] = np.frombuffer(codec.template, np.uint8), codec.fixed
+        self.size, self.address = codec.size, self._data.ctypes.data + _HEADER
         self.put = memoryview(self._data).cast('B')[held]
         self.put[:] = codec.template
         self.bytes = self.put.tobytes
@@ -231,59 +238,211 @@ def control(record: LawRecord, k: int) -> bool:
     return True
 
 
+@unlocked
+def run_sensor(link: Records, ports: Records, record: SensorRecord, k: int, last: int) -> int:
+    """
+    Answer ticks from ``k`` on, before ``last``; return the first that is not answered.
+
+    ``ports``: inputs as `flexarm_ros.wire.rcl_calls.collect` reads them, then the output.
+    """
+    output = len(ports) - 1
+    while k < last and collect(link, ports, output) and measure(record, k):
+        if not publish(link, ports, output):
+            return k
+        accept(ports, output)
+        k += 1
+        if not progress(link):
+            return k
+    return k
+
+
+@unlocked
+def run_law(link: Records, ports: Records, record: LawRecord, k: int, last: int) -> int:
+    """Do the same as `run_sensor` for the controller."""
+    output = len(ports) - 1
+    while k < last and collect(link, ports, output) and control(record, k):
+        if not publish(link, ports, output):
+            return k
+        accept(ports, output)
+        k += 1
+        if not progress(link):
+            return k
+    return k
+
+
+class ReferenceRecord(NamedTuple):
+    """The trajectory, ``delay_ns`` late."""
+
+    reference: Message
+    period_ns: int
+    sides: Sides
+    delay_ns: int
+
+
+@unlocked
+def run_reference(
+    link: Records, ports: Records, record: ReferenceRecord, k: int, until: int
+) -> int:
+    """Publish the references of ticks from ``k`` on, before ``until``; as `run_sensor`."""
+    sides = record.sides
+    while k < until:
+        x, y, vx, vy = command_at(
+            sides.times, sides.lines, sides.lap_ns, sides.smooth,
+            k * record.period_ns - record.delay_ns,
+        )  # fmt: skip
+        put_four(record.reference, T0_NS + k * record.period_ns, x, y, vx, vy)
+        if not publish(link, ports, 0):
+            return k
+        k += 1
+    return k
+
+
 class PlantRecord(NamedTuple):
-    """The plant's state, in place, and its messages."""
+    """
+    The plant's messages, and the limits of its end deflections, m.
+
+    ``tick``: the number in the message of the plant's tick; ``clock_every``, ``tick_every``: ticks
+    between messages of the clock and of the tick.
+    """
 
     torque: Message
     state: Message
     clock: Message
+    tick: NDArray[np.int64]
     period_ns: int
-    q: FloatArray
-    qd: FloatArray
+    clock_every: int
+    tick_every: int
+    limits: tuple[float, float]
+
+
+SENT, DUE, UNSTABLE = 0, -1, -2
+"""
+How the plant's loop ends at its tick: the state is published, or is to be published in Python, or
+is unstable after this tick.  A positive number is that of the port that cannot publish.
+"""
 
 
 @compiled
-def held_torque(record: PlantRecord, k: int) -> tuple[bool, float, float]:
-    """Return whether the torques of tick ``k`` are valid, and the torques, N m."""
+def await_torque(
+    link: Records, ports: Records, record: PlantRecord, k: int
+) -> tuple[bool, float, float]:
+    """Return whether the torques of tick ``k`` have come and are valid, and the torques, N m."""
     torque = record.torque
-    valid = is_plain(torque, T0_NS + k * record.period_ns)
+    valid = collect(link, ports, 1) and is_plain(torque, T0_NS + k * record.period_ns)
+    if valid:
+        accept(ports, 1)
     return valid, torque.data[torque.first], torque.data[torque.first + 1]
 
 
 @compiled
-def write_state(
-    record: PlantRecord, k: int, delta1: float, delta2: float, rate1: float, rate2: float
-) -> None:
-    """Write state and clock of tick ``k``, with the end deflections and their rates."""
-    stamp, n = T0_NS + k * record.period_ns, len(record.q)
+def after_step(
+    link: Records, ports: Records, record: PlantRecord, q: FloatArray, qd: FloatArray, ends: Four,
+    k: int, bound: int,
+) -> int:  # fmt: skip
+    """Publish the state of tick ``k`` if it is stable and before ``bound``; return how that is."""
+    if not is_stable(ends, record.limits, q, qd):
+        return UNSTABLE
+    if k >= bound or not progress(link):
+        return DUE
+    return send_state(link, ports, record, q, qd, ends, k)
+
+
+@compiled
+def send_state(
+    link: Records, ports: Records, record: PlantRecord, q: FloatArray, qd: FloatArray, ends: Four,
+    k: int,
+) -> int:  # fmt: skip
+    """
+    Publish state and clock of tick ``k``, before them the tick, where they are due.
+
+    Returns `SENT`, or the number of the port that cannot publish.
+    """
+    stamp, n = T0_NS + k * record.period_ns, len(q)
     put_stamp(record.state, stamp)
     put_stamp(record.clock, stamp)
     data, first, second = record.state.data, record.state.first, record.state.second
     for i in range(n):
-        data[first + i], data[second + i] = record.q[i], record.qd[i]
-    data[first + n], data[first + n + 1] = delta1, delta2
-    data[second + n], data[second + n + 1] = rate1, rate2
+        data[first + i], data[second + i] = q[i], qd[i]
+    data[first + n], data[first + n + 1], data[second + n], data[second + n + 1] = ends
+    if k % record.tick_every == 0:
+        record.tick[0] = k
+        if not publish(link, ports, 1):
+            return 1
+    if not publish(link, ports, 2):
+        return 2
+    if k % record.clock_every == 0 and not publish(link, ports, 3):
+        return 3
+    return SENT
+
+
+@unlocked
+def run_eq14(
+    link: Records, ports: Records, record: PlantRecord, plant: Eq14Record, k: int, bound: int
+) -> tuple[int, int]:
+    """
+    Integrate and publish from tick ``k`` on, whose state is published, to ``bound``.
+
+    ``ports``: torque, the plant's tick, state, clock.  Returns the tick and how it ends.
+    """
+    q, qd = plant.state[0], plant.state[1]
+    while True:
+        valid, tau1, tau2 = await_torque(link, ports, record, k)
+        if not valid:
+            return k, SENT
+        ends = step_eq14(
+            plant.state, tau1, tau2, plant.step, plant.substeps, plant.mass, plant.diagonals,
+            plant.coupling, plant.matrix, plant.work,
+        )  # fmt: skip
+        end = after_step(link, ports, record, q, qd, ends, k + 1, bound)
+        k += end != UNSTABLE
+        if end != SENT:
+            return k, end
+
+
+@unlocked
+def run_full(
+    link: Records, ports: Records, record: PlantRecord, plant: FullRecord, k: int, bound: int
+) -> tuple[int, int]:
+    """Do the same as `run_eq14`, for the other plant."""
+    q, qd = plant.q, plant.qd
+    while True:
+        valid, tau1, tau2 = await_torque(link, ports, record, k)
+        if not valid:
+            return k, SENT
+        ends = step_full(
+            plant.constants, q, qd, tau1, tau2, plant.step, plant.substeps, plant.order, plant.work
+        )  # fmt: skip
+        end = after_step(link, ports, record, q, qd, ends, k + 1, bound)
+        k += end != UNSTABLE
+        if end != SENT:
+            return k, end
 
 
 class FusedStep:
     """
-    The step of an answering node.
+    The step of a node that answers or publishes ahead, with the buffers of its messages.
 
-    ``compute(k)`` reads the messages of tick k from ``inputs`` and writes ``output``; False:
-    nothing has changed.
+    ``bind(link, ports)`` returns the loop over ticks, a function of the first and the last.
     """
 
     def __init__(
-        self, inputs: Sequence[Buffer], output: Buffer, compute: Callable[[int], bool],
-        sensor: Encoder | TipSensor | None = None,
+        self, loop: Callable[..., int], record: SensorRecord | LawRecord | ReferenceRecord,
+        inputs: Sequence[Buffer], output: Buffer, sensor: Encoder | TipSensor | None = None,
     ) -> None:  # fmt: skip
-        self.inputs, self.output, self.compute = inputs, output, compute
-        self._sensor = sensor
+        self.record, self.inputs, self.outputs = record, inputs, (output,)
+        self._loop, self._sensor = loop, sensor
+
+    def bind(self, link: Records, ports: Records) -> Callable[[int, int], int]:
+        """Return ``run(k, last)``; see `run_sensor`."""
+        run: Callable[[int, int], int] = bound(
+            self._loop, link, ports, self.record, example=(0, 0)
+        )
+        return run
 
     def leave(self) -> None:
         """Let the part continue, in Python, after the tick of the last answer."""
         if self._sensor is not None:
-            stamp, (a, b, c, d) = self.output.decode()
+            stamp, (a, b, c, d) = self.outputs[0].decode()
             self._sensor.follow((stamp, a, b, c, d))
 
 
@@ -293,6 +452,8 @@ def answer_step(
     """Return the step of an answering part with its topics; None if there is none."""
     if sys.byteorder != 'little' or len(writes) != 1:
         return None
+    if type(answer) is TrajectoryPart:
+        return reference_step(answer.reference, writes[0], period_ns)
     inputs, output = tuple(Buffer(topic) for topic in reads), Buffer(writes[0])
     said = [buffer.message for buffer in inputs]
     if type(answer) is ControllerPart and type(answer.law) in (PdLaw, FlsLaw):
@@ -300,7 +461,7 @@ def answer_step(
             return None
         assert isinstance(answer.law, PdLaw)
         law = LawRecord(*said, output.message, period_ns, answer.law.settings)
-        return FusedStep(inputs, output, bound(control, law, example=(0,)))
+        return FusedStep(run_law, law, inputs, output)
     sensor = _plain_sensor(answer)
     if sensor is None:
         return None
@@ -309,7 +470,7 @@ def answer_step(
     record = SensorRecord(
         said[0], output.message, period_ns, sensor.channel.ns, sensor.record(), joints, point
     )
-    return FusedStep(inputs, output, bound(measure, record, example=(0,)), sensor)
+    return FusedStep(run_sensor, record, inputs, output, sensor)
 
 
 def _plain_sensor(answer: part.Answer) -> Encoder | TipSensor | None:
@@ -326,44 +487,78 @@ def _plain_sensor(answer: part.Answer) -> Encoder | TipSensor | None:
     return sensor if plain else None
 
 
-class PlantStep(NamedTuple):
+def reference_step(reference: Reference, topic: Topic, period_ns: int) -> FusedStep | None:
+    """Return the step of the trajectory; None if there is none."""
+    if sys.byteorder != 'little':
+        return None
+    output, path = Buffer(topic), reference.path.record
+    record = ReferenceRecord(output.message, period_ns, path, reference.delay_ns)
+    return FusedStep(run_reference, record, (), output)
+
+
+class TickBuffer:
+    """A ``std_msgs/UInt64`` in a buffer, as `Buffer`; ``value``: an array of its number."""
+
+    def __init__(self) -> None:
+        data = np.zeros(2, np.int64)
+        data.view(np.uint8)[_HEADER : 2 * _HEADER] = 0, 1, 0, 0  # CDR, little endian
+        self.size, self.address = _HEADER + 8, data.ctypes.data + _HEADER
+        self.value = data[1:]
+
+
+class PlantStep:
     """
-    The step of the plant, around its integration, which is compiled for itself.
+    The step of the plant, which it advances in place.
 
-    ``torque(k)`` reads the torques of tick k from ``command``: whether they are valid, and the
-    values.  ``write(k, *ends)`` writes ``state`` and ``clock`` of tick k.
+    ``inputs`` and ``outputs``: the buffers of its ports, in the order of `run_eq14`.
     """
 
-    command: Buffer
-    state: Buffer
-    clock: Buffer
-    torque: Callable[[int], tuple[bool, float, float]]
-    write: Callable[..., None]
+    def __init__(
+        self, plant: Eq14Plant | FullPlant, record: PlantRecord, command: Buffer,
+        outputs: tuple[TickBuffer, Buffer, Buffer],
+    ) -> None:  # fmt: skip
+        self.record, self.inputs, self.outputs = record, (command,), outputs
+        self._plant = plant
+
+    def bind(self, link: Records, ports: Records) -> Callable[[int, int], tuple[int, int]]:
+        """Return ``run(k, bound)``; see `run_eq14`."""
+        loop: Callable[..., Any] = run_eq14 if isinstance(self._plant, Eq14Plant) else run_full
+        records = link, ports, self.record, self._plant.record()
+        run: Callable[[int, int], tuple[int, int]] = bound(loop, *records, example=(0, 0))
+        return run
 
 
-def plant_step(plant: Plant, config: RunConfig, topics: Sequence[Topic]) -> PlantStep | None:
-    """Return the step of the plant with the topics of a run; None if there is none."""
+def plant_step(
+    plant: Plant, config: RunConfig, topics: Sequence[Topic], tick_every: int
+) -> PlantStep | None:
+    """
+    Return the step of the plant with the topics of a run; None if there is none.
+
+    ``tick_every``: ticks between two messages of the plant's tick.
+    """
     plain = PlantPart.reads(config) == PlantPart.READS and not PlantPart.further_signals(config)
-    if sys.byteorder != 'little' or not plain or config.run.sync == 'free':
+    known = isinstance(plant, (Eq14Plant, FullPlant))
+    if sys.byteorder != 'little' or not (plain and known) or config.run.sync == 'free':
         return None
     named = {topic.name: topic for topic in topics}
     command, state, clock = (Buffer(named[n]) for n in (part.COMMAND, part.STATE, part.CLOCK))
+    tick = TickBuffer()
     record = PlantRecord(
-        command.message, state.message, clock.message, Timeline.of(config.run).period_ns, plant.q,
-        plant.qd,
+        command.message, state.message, clock.message, tick.value,
+        Timeline.of(config.run).period_ns, named[part.CLOCK].every, tick_every, plant.limits,
     )  # fmt: skip
-    torque = bound(held_torque, record, example=(0,))
-    write = bound(write_state, record, example=(0, 0.0, 0.0, 0.0, 0.0))
-    return PlantStep(command, state, clock, torque, write)
+    return PlantStep(plant, record, command, (tick, state, clock))
 
 
 def warm_up_nodes(config: RunConfig) -> None:
     """Compile what the nodes of a scenario call, loop and steps, or load it from the cache."""
     warm_up(config)
-    topics = per_tick_topics(config)
+    topics, period_ns = per_tick_topics(config), Timeline.of(config.run).period_ns
     named = {topic.name: topic for topic in topics}
-    plant_step(make_plant(config), config, topics)
+    steps: list[FusedStep | PlantStep | None] = [plant_step(make_plant(config), config, topics, 1)]
     for kind in answering(config):
         reads = [named[name] for name in kind.reads(config)]
         writes = [topic for topic in topics if topic.node == kind.NAME]
-        answer_step(kind(config), reads, writes, Timeline.of(config.run).period_ns)
+        steps.append(answer_step(kind(config), reads, writes, period_ns))
+    for step in filter(None, steps):
+        step.bind(np.zeros(1, LINK), np.zeros(1, PORT))

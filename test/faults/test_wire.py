@@ -33,6 +33,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.nodes.runtime.joining import status
+from flexarm_ros.nodes.runtime.topics.endpoints import NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import (
     message_class,
     RECORDED_TOPIC,
@@ -53,6 +54,8 @@ from wiretools import fly_against, Peers, Wire
 pytestmark = pytest.mark.nodes
 
 TICKS = 4000
+_AHEAD = 100
+"""Ticks before the recorder's report, with some messages of rubbish each."""
 SEEDS = st.integers(0, 2**32 - 1)
 DOUBLES = (math.nan, math.inf, -math.inf, -math.nan)
 
@@ -158,6 +161,10 @@ class Fuzz:
         for name in (TICK_TOPIC, RECORDED_TOPIC):
             self.stranger.publisher(name, UInt64, 1)
             peers.publisher(name, UInt64, 1)
+        self.recorded = 0  # ticks, as the recorder tells
+        self._reports: Any = peers.node.create_subscription(
+            UInt64, RECORDED_TOPIC, lambda _: None, 10, qos_overriding_options=NO_OVERRIDES
+        )
 
     def example(self, seed: int) -> None:
         """Publish rubbish, then what is right, and compare the node's answer."""
@@ -192,6 +199,21 @@ class Fuzz:
             peers.send(topic, peers.right(topic, self.tick))
         if self.role != 'plant':
             self._answer()
+        if self.role == 'recorder':
+            self._wait_for_the_recorder()
+
+    def _wait_for_the_recorder(self) -> None:
+        """Run ahead as far as a plant does at most, lest the queues of the recorder overflow."""
+        reports = self._reports.handle
+
+        def near() -> bool:
+            while (taken := reports.take_message(UInt64, False)) is not None:
+                if taken[0].data <= self.tick + 1:  # not a stranger's
+                    self.recorded = max(self.recorded, taken[0].data)
+            assert self.node.poll() is None, self.node.communicate()[0]
+            return self.tick - self.recorded < _AHEAD
+
+        wait_for(near, 60, 'progress of the recorder')
 
     def _report(self) -> None:
         """Publish the plant's tick; another publisher's report may take its place in the queue."""

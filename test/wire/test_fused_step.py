@@ -31,7 +31,17 @@ from flexarm_ros.core.run.part import Answer
 from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.core.run.state import MessageState
 from flexarm_ros.core.timeline import Timeline
-from flexarm_ros.wire.fused_step import answer_step, Buffer, FusedStep, plant_step, PlantStep
+from flexarm_ros.wire.fused_step import (
+    answer_step,
+    Buffer,
+    control,
+    FusedStep,
+    is_plain,
+    LawRecord,
+    measure,
+    plant_step,
+    SensorRecord,
+)
 from flexarm_ros.wire.topics import per_tick_topics, Topic
 import numpy as np
 import pytest
@@ -84,6 +94,12 @@ class Fixture:
         return topic.codec.encode(*(answer if topic.late else (*stamp, *answer)))
 
 
+def compute(step: FusedStep, tick: int) -> bool:
+    """Let the step answer a tick from its buffers."""
+    functions: dict[type, Any] = {SensorRecord: measure, LawRecord: control}
+    return bool(functions[type(step.record)](step.record, tick))
+
+
 def made(role: str, config: RunConfig) -> tuple[Fixture, Any, FusedStep]:
     there = Fixture(role, config)
     kind: Any = part_of(role)
@@ -105,8 +121,8 @@ def test_step_gives_the_bytes_of_the_part(role: str, case: tuple[str, ...]) -> N
             assert there.in_python(part, tick) == right
             continue
         there.fill(step.inputs, tick)
-        assert step.compute(tick)
-        assert step.output.bytes() == right
+        assert compute(step, tick)
+        assert step.outputs[0].bytes() == right
         step.leave()
 
 
@@ -129,28 +145,11 @@ def test_part_continues_with_jitter_from_the_step(role: str) -> None:
         expected = there.in_python(alone, tick)
         if tick < 40:
             there.fill(step.inputs, tick)
-            assert step.compute(tick)
+            assert compute(step, tick)
             step.leave()
-            assert step.output.bytes() == expected
+            assert step.outputs[0].bytes() == expected
         else:
             assert there.in_python(part, tick) == expected
-
-
-@pytest.mark.parametrize('case', CASES, ids=lambda case: case[0])
-def test_plant_step_gives_the_bytes_of_a_simulation(case: tuple[str, ...]) -> None:
-    config = config_of(*case)
-    there, plant = Fixture('plant', config), make_plant(config)
-    step = plant_step(plant, config, there.topics)
-    assert step is not None
-    clock, state = there.writes
-    for tick in range(len(small_messages(config)) - 1):
-        there.fill([step.command], tick)
-        valid, *torque = step.torque(tick)
-        assert valid
-        plant.step(*torque)
-        step.write(tick + 1, *plant.deflections())
-        assert step.state.bytes() == there.right(state, tick + 1)
-        assert step.clock.bytes() == there.right(clock, tick + 1)
 
 
 def spoilt(topic: Topic, data: bytes) -> list[bytes]:
@@ -172,23 +171,26 @@ def test_nothing_but_a_plain_message_is_accepted(role: str) -> None:
     config = config_of('fls_mid_corrected', 'tip_sensor.latency_model=pade2')
     there = Fixture(role, config)
     step: Any
-    inputs: Sequence[Buffer]
     if role == 'plant':
-        step = plant_step(make_plant(config), config, there.topics)
-        inputs, compute = [step.command], lambda tick: step.torque(tick)[0]
+        step = plant_step(make_plant(config), config, there.topics, 4)
     else:
         _, _, step = made(role, config)
-        inputs, compute = step.inputs, step.compute
+
+    def accepted(tick: int) -> bool:
+        if role == 'plant':
+            return is_plain(step.record.torque, 1_000_000_000 + tick * there.period_ns)
+        return compute(step, tick)
+
     for tick in range(3):
-        for topic, buffer in zip(there.reads, inputs, strict=True):
-            there.fill(inputs, tick)
+        for topic, buffer in zip(there.reads, step.inputs, strict=True):
+            there.fill(step.inputs, tick)
             for data in spoilt(topic, there.right(topic, tick)):
                 buffer.put[:] = data
-                assert not compute(tick), (topic.name, data)
-        there.fill(inputs, tick)
-        assert compute(tick)
-        if not isinstance(step, PlantStep):
-            assert step.output.bytes() == there.right(there.writes[0], tick)
+                assert not accepted(tick), (topic.name, data)
+        there.fill(step.inputs, tick)
+        assert accepted(tick)
+        if role != 'plant':
+            assert step.outputs[0].bytes() == there.right(there.writes[0], tick)
 
 
 def test_padding_of_any_content_is_accepted() -> None:
@@ -203,7 +205,7 @@ def test_padding_of_any_content_is_accepted() -> None:
                 data[place] = 0xA5
                 found += 1
         buffer.put[:] = data
-        assert step.compute(0)
+        assert compute(step, 0)
     assert found
 
 
@@ -213,7 +215,7 @@ def test_a_torque_that_is_not_finite_is_left_to_python() -> None:
     topic = next(topic for topic in there.reads if topic.name == 'reference')
     stamp, values = topic.codec.decode(there.right(topic, 0))
     step.inputs[there.reads.index(topic)].put[:] = topic.codec.encode(stamp, 1e307, *values[1:])
-    assert not step.compute(0)
+    assert not compute(step, 0)
 
 
 def test_a_law_of_another_class_has_no_step() -> None:
@@ -243,13 +245,14 @@ def test_a_law_of_another_class_has_no_step() -> None:
         ('controller', 'controller.compute_delay=1e-3'),
         ('plant', 'sync=free'),
         ('plant', 'imu.location=9.0'),
+        ('plant', 'plant.coulomb_friction=[1.0, 1.0]'),
     ],
 )
 def test_what_is_not_plain_has_no_step(role: str, setting: str) -> None:
     config = config_of('fls_tip', setting)
     there = Fixture(role, config)
     if role == 'plant':
-        assert plant_step(make_plant(config), config, there.topics) is None
+        assert plant_step(make_plant(config), config, there.topics, 4) is None
     else:
         kind: Any = part_of(role)
         assert there.step(kind(config)) is None

@@ -109,6 +109,11 @@ def inlined(function: F) -> F:
     return _compiled(function, 'always')
 
 
+def unlocked(function: F) -> F:
+    """Do as `compiled`; other threads of Python run during a call from Python."""
+    return _compiled(function, 'never', nogil=True)
+
+
 def bound(function: Callable[..., Any], *records: Any, example: tuple[Any, ...]) -> Any:
     """
     Return ``function(*records, ...)`` as a function of its last arguments, for many calls.
@@ -143,9 +148,9 @@ def interpreted(function: F) -> F:
     return cast(F, made)
 
 
-def _compiled(function: F, inline: Literal['never', 'always']) -> F:
+def _compiled(function: F, inline: Literal['never', 'always'], nogil: bool = False) -> F:
     # No function is used as a C callback, and compiling the entry point of one takes time.
-    options: dict[str, Any] = {'no_cfunc_wrapper': True}
+    options: dict[str, Any] = {'no_cfunc_wrapper': True, 'nogil': nogil}
     result: Any = numba.njit(error_model='numpy', inline=inline, **options)(function)
     where = None if _config.DISABLE_JIT else code_cache.directory()
     if where is not None:

@@ -90,6 +90,11 @@ class RunControl:
             return True
         return self.rtf <= 0.0 or time.monotonic() >= self.due(tick)
 
+    @property
+    def unlimited(self) -> bool:
+        """Whether ticks may begin as fast as possible."""
+        return not (self.paused or self._reset_asked or self.reset_wanted or self.rtf > 0.0)
+
     def due(self, tick: int) -> float:
         """Return the wall time of ``tick`` at the requested speed."""
         start, first = self._anchor
@@ -133,7 +138,8 @@ class RunControl:
             self.paused = wanted
             self._steps = 0
             self.orders += 1
-            self.begin(self._plant.tick)
+            self.begin(self._plant.present_tick)
+        self._plant.return_soon()
 
     def step(self, ticks: int) -> bool:
         """Let a paused run advance by ``ticks``; False if it is not paused."""
@@ -151,6 +157,7 @@ class RunControl:
             return f'no run in progress ({plant.board.mine.phase.value})'
         self.orders += 1
         self._reset_asked = True
+        plant.return_soon()
         if self._wait(lambda: not (self._reset_asked or self.reset_wanted) and self.going):
             return ''
         return f'not done within {WAIT_S:g} s, or the run has ended'
@@ -220,12 +227,13 @@ class RunControl:
         if self.paused:
             word = 'stepping' if self.stepping else 'paused'
         speed = f'{self.rtf:g} times real time' if self.rtf > 0.0 else 'as fast as possible'
-        return f'{word} at tick {plant.tick}, {speed}'
+        return f'{word} at tick {plant.present_tick}, {speed}'
 
     def _changed(self, parameters: list[Parameter]) -> SetParametersResult:
         """Apply a new speed; rclpy has checked it against the declared range."""
         for parameter in parameters:
             if parameter.name == 'real_time_factor':
                 self.rtf = float(parameter.value)
-                self.begin(self._plant.tick)
+                self.begin(self._plant.present_tick)
+                self._plant.return_soon()
         return SetParametersResult(successful=True)

@@ -13,81 +13,91 @@
 # limitations under the License.
 
 """
-The fast path of a node: its messages into the buffers of its fused step.
+The fast path of a node: ticks in compiled code, from the middleware's queues and back.
 
 It serves a node that has a process of its own, a step (`flexarm_ros.wire.fused_step`) and inputs
-whose messages have sequence numbers (`Input.plain`).  Any other message is given back to the
-inputs, which treat it as newly arrived.
+whose messages have sequence numbers (`Input.plain`), where the addresses of rcl are known
+(`flexarm_ros.nodes.runtime.topics.rcl_ports`).  Any other message is given back to the inputs,
+which treat it as newly arrived.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S
+from flexarm_ros.nodes.runtime.topics import rcl_ports
 from flexarm_ros.nodes.runtime.topics.channels import Input
 from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
-from flexarm_ros.wire.fused_step import Buffer
+from flexarm_ros.nodes.runtime.waiting import Waiting
+from flexarm_ros.wire.fused_step import FusedStep, PlantStep
 
 _LONGEST_NS = int(HOUSEKEEPING_S * 1e9)
 
 
-class FastInputs:
+class FastPath:
     """
-    The inputs of a node with the buffers that their messages are read into.
+    The compiled loop of a node with its ports.
 
-    ``entries``: the one that arrives last first.  Messages of topics that are published ahead of
-    their tick are read beforehand, by `read_ahead`.
+    ``inputs`` of the step: the one that arrives last first.  Those of topics that are published
+    ahead of their tick are read before it.  ``outputs``: the handles of the step's publishers.
+    ``run`` is what ``bind`` of the step returns, None where nodes take every message in Python.
     """
+
+    run: Any = None
 
     def __init__(
-        self, entries: Sequence[Input], buffers: Sequence[Buffer], waiter: Waiter
-    ) -> None:
-        self._entries, self._waiter = entries, waiter
-        self._last = entries[0], buffers[0].put
-        self._handles = [entries[0].handle]
-        others = [(e, buffer.put) for e, buffer in zip(entries, buffers, strict=True)][1:]
-        self._others = [pair for pair in others if not pair[0].topic.ahead]
-        self._ahead = [pair for pair in others if pair[0].topic.ahead]
-        self._read: list[Input] = []
-        """Inputs whose message of the current tick is in its buffer."""
+        self, step: FusedStep | PlantStep, inputs: Sequence[Input], outputs: Sequence[Any],
+        waiter: Waiter | None = None,
+    ) -> None:  # fmt: skip
+        self._kept = step, outputs, waiter  # for their addresses
+        pairs = list(zip(inputs, step.inputs, strict=True))
+        pairs.sort(key=lambda pair: not pair[0].topic.ahead)
+        self._entries = [entry for entry, _ in pairs]
+        ports = self._ports = rcl_ports.make_ports(len(inputs) + len(outputs))
+        link = rcl_ports.make_link(waiter.address if waiter is not None else 0, _LONGEST_NS)
+        if link is None:
+            return
+        self._link = link
+        for i, (entry, buffer) in enumerate(pairs):
+            rcl_ports.open_input(ports[i : i + 1], entry.handle, buffer, self)
+            ports['last'][i] = entry is inputs[0]
+        for i, buffer in enumerate(step.outputs):
+            at = len(inputs) + i
+            rcl_ports.open_output(ports[at : at + 1], outputs[i], buffer)
+        self.run = step.bind(link, ports)
 
-    def usable(self, tick: int) -> bool:
-        """Whether the messages of ``tick``, none of which has been read, can be read here."""
-        return all(entry.plain and entry.tick < tick for entry in self._entries)
+    def enter(self, tick: int, since_s: float, until_s: float) -> bool:
+        """
+        Prepare a loop from ``tick`` on; False if its messages cannot be read here.
 
-    def read(self) -> bool:
-        """Wait for the messages of a tick; False if one does not arrive, or is not usable here."""
-        self._waiter.wait(self._handles, _LONGEST_NS)  # a take before it would fail
-        entry, buffer = self._last
-        if not entry.read_into(buffer):
+        ``since_s``: time of the last progress, ``until_s``: when the loop is to return, s of
+        `time.monotonic`.
+        """
+        if self.run is None or not all(e.plain and e.tick < tick for e in self._entries):
             return False
-        self._read.append(entry)
-        return self._read_each(self._others)
-
-    def read_ahead(self) -> bool:
-        """Read what is published ahead of the next tick; as `read`."""
-        return self._read_each(self._ahead)
-
-    def _read_each(self, pairs: Sequence[tuple[Input, memoryview]]) -> bool:
-        for entry, buffer in pairs:
-            found = entry.read_into(buffer)
-            if found is None:
-                self._waiter.wait([entry.handle], _LONGEST_NS)
-                found = entry.read_into(buffer)
-            if not found:
-                return False
-            self._read.append(entry)
+        for i, entry in enumerate(self._entries):
+            entry.lend(self._ports[i : i + 1])
+        link = self._link
+        for name in ('longest', 'stop', 'ticks'):
+            link[name] = 0
+        link['since'], link['until'] = int(since_s * 1e9), int(until_s * 1e9)
         return True
 
-    def accept(self) -> None:
-        """Regard the messages that have been read as used."""
-        self._read.clear()
+    @property
+    def ticks(self) -> int:
+        """Number of ticks that the loop has completed since `enter`, 0 after `leave`."""
+        return int(self._link['ticks'][0]) if self.run is not None else 0
 
-    def leave(self, tick: int) -> None:
+    def stop(self) -> None:
+        """Let the loop return before its next tick; from any thread."""
+        if self.run is not None:
+            self._link['stop'] = 1
+
+    def leave(self, tick: int, waiting: Waiting) -> None:
         """Leave the inputs where ``tick`` is next, and give back what has been read of it."""
-        for entry in self._read:
-            entry.give_back()
-        self._read.clear()
-        for entry in self._entries:
-            entry.skip_to(tick)
+        for i, entry in enumerate(self._entries):
+            entry.take_back(self._ports[i : i + 1], tick)
+        self._link['ticks'] = 0
+        waiting.advanced(*(self._link[name].item() * 1e-9 for name in ('since', 'longest')))

@@ -106,6 +106,14 @@ class Member:
         self.board.publish(phase=phase, text=more.pop('text', phase.value), **more)
         self.supervisor.report(self.ROLE, phase=phase.value, text=self.board.mine.text)
 
+    @property
+    def present_tick(self) -> int:
+        """The tick of this node, for any thread: ``tick`` stands still on the fast path."""
+        return self.tick
+
+    def return_soon(self) -> None:
+        """Let the fast path return to Python before its next tick; from any thread."""
+
     # --- overridden by roles -----------------------------------------------------------
 
     def build(self) -> None:

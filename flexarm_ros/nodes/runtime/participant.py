@@ -25,6 +25,7 @@ from flexarm_ros.nodes.realtime.system import ask_all_threads
 from flexarm_ros.nodes.runtime.diagnostics import Diagnostics
 from flexarm_ros.nodes.runtime.ending import Ending
 from flexarm_ros.nodes.runtime.errors import RunFailed
+from flexarm_ros.nodes.runtime.fast_path import FastPath
 from flexarm_ros.nodes.runtime.joining.membership import Membership
 from flexarm_ros.nodes.runtime.joining.status import Phase, StatusBoard
 from flexarm_ros.nodes.runtime.member import HOUSEKEEPING_S, MemberNode
@@ -55,6 +56,9 @@ class Participant(MemberNode):
     """Whether no other node is in this process."""
 
     _prioritised = False
+
+    fast: FastPath | None = None
+    """The fast path of this node with its present parameters, once it has been taken."""
 
     again = False
     """Whether `advance` may have more to do at once; if not, a wake-up makes one call."""
@@ -219,6 +223,16 @@ class Participant(MemberNode):
         """Leave the run because the user interrupts it, or the launcher is gone: RunFailed."""
         reason = LAUNCHER_GONE if self.supervisor.gone else INTERRUPTED
         raise RunFailed(self.ROLE, f'{reason} at tick {self.tick}')
+
+    @property
+    def present_tick(self) -> int:
+        """The tick of this node, for any thread: ``tick`` stands still on the fast path."""
+        return self.tick + (self.fast.ticks if self.fast is not None else 0)
+
+    def return_soon(self) -> None:
+        """Let the fast path return to Python before its next tick; from any thread."""
+        if self.fast is not None:
+            self.fast.stop()
 
     # --- rejected messages ---------------------------------------------------------------
 

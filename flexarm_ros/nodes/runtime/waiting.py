@@ -49,6 +49,16 @@ class Waiting:
         self._since = now
         return now
 
+    @property
+    def since(self) -> float:
+        """Time of the last progress."""
+        return self._since
+
+    def advanced(self, since: float, longest: float) -> None:
+        """Record progress up to ``since``, with the longest wait between two ticks, s."""
+        self._since = max(self._since, since)
+        self._me.longest_wait_s = max(self._me.longest_wait_s, longest)
+
     def restart(self) -> None:
         """Count the limits from now on."""
         self._since = time.monotonic()

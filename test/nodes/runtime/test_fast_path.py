@@ -19,6 +19,8 @@ from __future__ import annotations
 from collections import deque
 import math
 from pathlib import Path
+import time
+from types import SimpleNamespace
 from typing import Any
 
 from bagtools import small_messages
@@ -26,34 +28,25 @@ from flexarm_ros import scenario
 from flexarm_ros.core.sensing.parts import EncoderPart
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.errors import RunFailed
-from flexarm_ros.nodes.runtime.fast_path import FastInputs
+from flexarm_ros.nodes.runtime.fast_path import FastPath
 from flexarm_ros.nodes.runtime.topics.channels import Input
 from flexarm_ros.wire.fused_step import answer_step
 from flexarm_ros.wire.topics import JOINT_STATES, per_tick_topics, STATE
 from nodetools import fast_ticks, finish, NUMBERED, ROLES, start_node, write_scenario
 import pytest
+from rcltools import Endpoint, Rcl, Taken
 
 OURS, OTHER = b'o' * 16, b'x' * 16
 CONFIG = scenario.load('fls_tip', ['duration=0.02'])
 TOPICS = per_tick_topics(CONFIG)
 STAMPED = TOPICS[STATE].codec
-Taken = tuple[bytes, dict[str, Any]]
+LIMIT_S = 60.0
+WAITING: Any = SimpleNamespace(advanced=lambda *_: None)
 
 
-class Queue:
-    """The middleware's queue of one subscription, with a wait that finds what is there."""
-
-    def __init__(self, messages: list[Taken]) -> None:
-        self.left = deque(messages)
-
-    def take_message(self, *_: Any) -> Taken | None:
-        return self.left.popleft() if self.left else None
-
-    def get_publisher_count(self) -> int:
-        return 1
-
-    def wait(self, *_: Any) -> None:
-        """Return at once."""
+@pytest.fixture
+def rcl(monkeypatch: pytest.MonkeyPatch) -> Rcl:
+    return Rcl(monkeypatch)
 
 
 def taken(tick: int, data: bytes | None = None, number: int = 0, sender: bytes = OURS) -> Taken:
@@ -64,7 +57,7 @@ def taken(tick: int, data: bytes | None = None, number: int = 0, sender: bytes =
     }
 
 
-def input_of(queue: Queue, rejected: list[str], named: bool = True) -> Input:
+def input_of(queue: Endpoint, rejected: list[str], named: bool = True) -> Input:
     """Return the encoder's input; ``named``: messages show whether they are its publisher's."""
     entry = Input.__new__(Input)
     entry._take, entry._type, entry.handle = queue.take_message, None, queue
@@ -80,26 +73,27 @@ def input_of(queue: Queue, rejected: list[str], named: bool = True) -> Input:
 
 
 def receive(
-    messages: list[Taken], fast: bool, named: bool = True
+    rcl: Rcl, messages: list[Taken], fast: bool, named: bool = True
 ) -> tuple[list[bytes], list[str], str, int]:
     """Return accepted messages, rejections, failure, and the number of ticks on the fast path."""
-    queue, rejected, answers, ticks = Queue(messages), list[str](), list[bytes](), 0
+    queue, rejected, answers, ticks = Endpoint(rcl, messages), list[str](), list[bytes](), 0
     entry = input_of(queue, rejected, named)
     step = answer_step(EncoderPart(CONFIG), [TOPICS[STATE]], [TOPICS[JOINT_STATES]], 1_000_000)
     assert step is not None
-    path: Any = FastInputs([entry], step.inputs, queue)  # type: ignore[arg-type]
+    path = FastPath(step, [entry], [Endpoint(rcl)], rcl)  # type: ignore[arg-type]
     tick = 0
     try:
         while queue.left or entry._returned:
             if entry.fetch(tick):
                 answers.append(entry.data)
                 tick += 1
-            while fast and path.usable(tick) and path.read() and step.compute(tick):
+            while fast and path.enter(tick, time.monotonic(), time.monotonic() + LIMIT_S):
+                before, tick = tick, path.run(tick, tick + 1)
+                path.leave(tick, WAITING)
+                if tick == before:
+                    break
                 answers.append(step.inputs[0].bytes())
-                path.accept()
-                tick += 1
                 ticks += 1
-            path.leave(tick)
     except RunFailed as failure:
         return answers, rejected, failure.reason, ticks
     return answers, rejected, '', ticks
@@ -131,10 +125,10 @@ FAULTS: dict[str, list[Taken]] = {
 
 
 @pytest.mark.parametrize('fault', FAULTS)
-def test_a_fault_ends_as_without_the_fast_path(fault: str) -> None:
+def test_a_fault_ends_as_without_the_fast_path(rcl: Rcl, fault: str) -> None:
     messages = [*(taken(tick) for tick in range(6)), *FAULTS[fault]]
-    *found, ticks = receive(messages, fast=True)
-    *expected, none = receive(messages, fast=False)
+    *found, ticks = receive(rcl, messages, fast=True)
+    *expected, none = receive(rcl, messages, fast=False)
     assert found == expected
     assert (ticks > 4, none) == (True, 0)
     rejections, failure = found[1:]
@@ -142,30 +136,32 @@ def test_a_fault_ends_as_without_the_fast_path(fault: str) -> None:
 
 
 @pytest.mark.parametrize('fault', FAULTS)
-def test_a_fault_ends_alike_where_messages_do_not_name_their_publisher(fault: str) -> None:
+def test_a_fault_ends_alike_where_messages_do_not_name_their_publisher(
+    rcl: Rcl, fault: str
+) -> None:
     """As with rclpy of Jazzy."""
     messages = [
         (data, {key: value for key, value in info.items() if key != 'publisher_gid'})
         for data, info in (*(taken(tick) for tick in range(6)), *FAULTS[fault])
     ]
-    *found, ticks = receive(messages, fast=True, named=False)
-    *expected, none = receive(messages, fast=False, named=False)
+    *found, ticks = receive(rcl, messages, fast=True, named=False)
+    *expected, none = receive(rcl, messages, fast=False, named=False)
     assert found == expected
     assert (ticks > 4, none) == (True, 0)
 
 
-def test_a_block_of_messages_ends_as_one_by_one() -> None:
+def test_a_block_of_messages_ends_as_one_by_one(rcl: Rcl) -> None:
     """The recorder's way, with whatever is not the publisher's next message in its middle."""
     for fault, messages in FAULTS.items():
         every = [*(taken(tick) for tick in range(6)), *messages]
         rejected, block = list[str](), list[bytes]()
-        entry = input_of(Queue(every), rejected)
+        entry = input_of(Endpoint(rcl, every), rejected)
         entry._sequence, failure = 0, ''
         try:
             entry.fetch_block(11, block)
         except RunFailed as error:
             failure = error.reason
-        assert (block, rejected, failure) == tuple(receive(every, fast=False)[:3]), fault
+        assert (block, rejected, failure) == tuple(receive(rcl, every, fast=False)[:3]), fault
 
 
 @pytest.mark.nodes

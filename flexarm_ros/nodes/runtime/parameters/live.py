@@ -85,6 +85,7 @@ class LiveParameters:
     def _accepted(self, parameters: list[Parameter]) -> None:
         if not self._restoring:
             self.waiting += [(p.name, p.value) for p in parameters if p.name in self._keys]
+            self._me.return_soon()
 
     # --- in the lock-step loop -----------------------------------------------------------
 

@@ -28,9 +28,12 @@ from typing import Any
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.status import printable
+from flexarm_ros.nodes.runtime.topics import rcl_ports
 from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
 from flexarm_ros.nodes.runtime.topics.identity import gid_of, node_of, SenderInfo
+from flexarm_ros.nodes.runtime.topics.rcl_ports import BlockReader, message_of
+from flexarm_ros.wire.rcl_calls import EMPTY, READ, Records
 from flexarm_ros.wire.topics import Topic
 import numpy as np
 from rclpy.node import Node
@@ -97,6 +100,7 @@ class Input:
         self._returned: deque[tuple[bytes, dict[str, Any]]] = deque()
         """Messages that the fast path has taken and given back, with their infos."""
         self.arrived: deque[tuple[bytes, int, Values]] = deque()
+        self._block: BlockReader | None = None
         self.near = False
         """Whether the publisher, in this process, passes messages directly; see `connect`."""
         self.accepted = b''
@@ -138,6 +142,7 @@ class Input:
         """Use the message layout and the stamps of the agreed scenario."""
         self.topic = topic
         self._decode = topic.codec.decode
+        self._block = None
         self._first_ns, self._period_ns = timeline.stamp_ns(0), topic.every * timeline.period_ns
         self._exact = not topic.late
 
@@ -193,7 +198,7 @@ class Input:
     @property
     def plain(self) -> bool:
         """
-        Whether `read_into` may read the next message.
+        Whether the next message may be taken by a port (`flexarm_ros.wire.rcl_calls`).
 
         The publisher's last message must have arrived, with its sequence number.  Where messages
         do not identify their publisher, the number alone must be right, as in `_in_sequence`.
@@ -201,43 +206,29 @@ class Input:
         known = (self._unnamed or self.accepted) and self._sequence is not None
         return bool(known) and not (self.near or self._rising or self._gap or self._returned)
 
-    def read_into(self, buffer: memoryview) -> bool | None:
-        """
-        Copy the next message to ``buffer``, if its length, sender and sequence number are right.
-
-        None if there is no message, False for another one, which is given back.  Layout, stamp and
-        values are still to be checked.
-        """
-        taken = self._take(self._type, True)
-        if taken is None:
-            return None
-        data, info = taken
-        number = self._sequence + 1  # type: ignore[operator]
-        if (
-            info['publication_sequence_number'] != number
-            or not (self._unnamed or info['publisher_gid']['data'][:16] == self.accepted)
-            or len(data) != len(buffer)
-        ):
-            self._returned.append(taken)
-            return False
-        buffer[:] = data
-        self._sequence, self._last_read = number, taken
-        return True
-
-    def give_back(self) -> None:
-        """Let `fetch` read the message that `read_into` has copied last."""
+    def lend(self, port: Records) -> None:
+        """Let a port, an array of one, take the next message of the publisher."""
         assert self._sequence is not None
-        self._sequence -= 1
-        self._returned.append(self._last_read)
+        port['number'], port['named'], port['state'] = self._sequence, not self._unnamed, EMPTY
+        if not self._unnamed:
+            port['sender'] = np.frombuffer(self.accepted, np.int64)
+
+    def take_back(self, port: Records, tick: int) -> None:
+        """
+        Expect the message of ``tick`` next: those before have been used by the port.
+
+        `fetch` reads the message that is still in the port.
+        """
+        state, self._sequence, self.tick = port['state'].item(), port['number'].item(), tick - 1
+        if state == READ:
+            self._sequence -= 1
+        if state != EMPTY:
+            self._returned.append(message_of(port, gid=not self._unnamed))
 
     @property
     def given_back(self) -> bool:
         """Whether `fetch` has a message to read that the fast path has taken."""
         return bool(self._returned)
-
-    def skip_to(self, tick: int) -> None:
-        """Expect the message of ``tick`` next: those before have been used on the fast path."""
-        self.tick = tick - 1
 
     def _ours(self, info: dict[str, Any]) -> bool:
         """Whether a message comes from this run's publisher of the topic."""
@@ -350,7 +341,7 @@ class Input:
             for _ in range(min(most, len(self.arrived))):
                 taken.append(self.arrived.popleft()[0])
             return
-        if self.plain:
+        if self.plain and rcl_ports.known():
             self._take_plain(most, taken)
             if not self._returned:
                 return
@@ -364,19 +355,11 @@ class Input:
 
     def _take_plain(self, most: int, taken: list[bytes]) -> None:
         """Do the same as `_take_block`, until a message is not the publisher's next one."""
-        take, kind, sender, number = self._take, self._type, self.accepted, self._sequence
-        unnamed = self._unnamed
-        assert number is not None
-        while len(taken) < most and (found := take(kind, True)) is not None:
-            data, info = found
-            if info['publication_sequence_number'] != number + 1 or not (
-                unnamed or info['publisher_gid']['data'][:16] == sender
-            ):
-                self._returned.append(found)
-                break
-            number += 1
-            taken.append(data)
-        self._sequence = number
+        if self._block is None:
+            self._block = BlockReader(self.handle, self.topic.codec.size)
+        self.lend(self._block.port)
+        taken += self._block.take(most)
+        self.take_back(self._block.port, self.tick + 1)
 
     def _judge_block(self, messages: Sequence[bytes]) -> bool:
         """Accept these as the messages of the next ticks; False without effect if one is not."""

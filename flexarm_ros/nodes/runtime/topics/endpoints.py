@@ -58,6 +58,11 @@ class Waiter:
     def __init__(self, context: Context, capacity: int = 32) -> None:
         self._set = _rclpy.WaitSet(capacity, 0, 0, 0, 0, 0, context.handle)
 
+    @property
+    def address(self) -> int:
+        """Address of rcl's wait set."""
+        return int(self._set.pointer)
+
     def wait(self, subscriptions: Sequence[Any], timeout_ns: int) -> None:
         """Sleep until one of the ``subscriptions`` (rclpy handles) has a message."""
         self._set.clear_entities()
