@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from functools import cache
 import math
 
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray, interpreted
+from flexarm_ros.core.numerics.compiled import allocating, FloatArray, interpreted
 from flexarm_ros.core.numerics.elementary import exp, sincos
 import numpy as np
 
@@ -79,7 +79,7 @@ def beam_mode(z: float, sign: float) -> tuple[float, float]:
     return z, (sign * (sine - cosine) - fall) / (sinh + sign * sine)
 
 
-@compiled
+@allocating
 def beam_shape(root: float, rest: float, xi: FloatArray, order: int) -> FloatArray:
     """
     Return d^order of cosh z - cos z - (1 - rest) (sinh z - sin z), z = root xi.

@@ -41,7 +41,7 @@ from flexarm_ros.core.control.design.plan import Grid
 from flexarm_ros.core.control.design.regulator import fill_regulator, RegulatorWeights
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import exp
 from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import (
@@ -200,7 +200,7 @@ def tip_deviation(point: Point, z: FloatArray, planned: FloatArray, n: int) -> t
     return x - px, y - py
 
 
-@compiled
+@allocating
 def regulate(
     arm: Arm, gains: FloatArray, planned: FloatArray, memory: Memory, period: float, limit: float
 ) -> tuple[float, float]:

@@ -21,6 +21,10 @@ Compiled functions use plain loops, never ``@`` or ``numpy.linalg``, whose order
 depends on BLAS, and :mod:`flexarm_ros.core.numerics.elementary` for everything but +, -, *, / and
 sqrt.
 
+Beside ``@compiled`` there are ``@inlined``, and ``@allocating`` for what creates arrays.  Only the last counts references to arrays, whose code
+takes as long to compile as that of short functions themselves; elsewhere numba refuses code that
+creates an array or returns a new view.
+
 :mod:`flexarm_ros.code_cache` determines the location of the cache.  An unreadable file in it
 (such as one truncated by a full disk) counts as absent and is rewritten.
 """
@@ -31,7 +35,7 @@ from collections.abc import Callable
 from functools import cache, partial
 import gc
 from types import FunctionType
-from typing import Any, cast, Literal, TypeVar
+from typing import Any, cast, TypeVar
 
 from flexarm_ros import code_cache
 import numba
@@ -97,21 +101,26 @@ event.register('numba:compile', _Collector())  # type: ignore[no-untyped-call]
 
 def compiled(function: F) -> F:
     """Compile ``function`` on its first call, or load it from the disk cache."""
-    return _compiled(function, 'never')
+    return _compiled(function)
+
+
+def allocating(function: F) -> F:
+    """Do as `compiled`, for a function that creates arrays or assigns arrays to slices."""
+    return _compiled(function, _nrt=True)
 
 
 def inlined(function: F) -> F:
     """
     Do as `compiled`, and put the code into that of compiled callers instead of a call.
 
-    For functions that take records of many arrays: a call counts the references of each.
+    For functions that take records of many arrays, each of which would be copied for a call.
     """
-    return _compiled(function, 'always')
+    return _compiled(function, inline='always')
 
 
 def unlocked(function: F) -> F:
     """Do as `compiled`; other threads of Python run during a call from Python."""
-    return _compiled(function, 'never', nogil=True)
+    return _compiled(function, nogil=True)
 
 
 def bound(function: Callable[..., Any], *records: Any, example: tuple[Any, ...]) -> Any:
@@ -148,10 +157,10 @@ def interpreted(function: F) -> F:
     return cast(F, made)
 
 
-def _compiled(function: F, inline: Literal['never', 'always'], nogil: bool = False) -> F:
+def _compiled(function: F, **further: Any) -> F:
     # No function is used as a C callback, and compiling the entry point of one takes time.
-    options: dict[str, Any] = {'no_cfunc_wrapper': True, 'nogil': nogil}
-    result: Any = numba.njit(error_model='numpy', inline=inline, **options)(function)
+    options: dict[str, Any] = {'error_model': 'numpy', 'no_cfunc_wrapper': True, '_nrt': False}
+    result: Any = numba.njit(**options | further)(function)
     where = None if _config.DISABLE_JIT else code_cache.directory()
     if where is not None:
         # Only while the cache is created: other packages keep their own setting.

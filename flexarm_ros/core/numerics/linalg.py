@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 import numpy as np
 
 
@@ -105,7 +105,7 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-@compiled
+@allocating
 def weighted_gram(weights: FloatArray, rows: FloatArray) -> FloatArray:
     """Return the sums ``(n, n)`` of weight_q row_iq row_jq; ``rows`` ``(n, points)``."""
     n = rows.shape[0]

@@ -25,7 +25,7 @@ import math
 from typing import Any
 
 from flexarm_ros.core.arm.driven.dynamics import Rig, Scratch, step_driven
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.sensing.lowpass import follow
 from flexarm_ros.identification.model.driven_motion import IntArray, pass_low, sense
 import numpy as np
@@ -34,7 +34,7 @@ STRAIN, ANGLE, RATE, ELASTIC = 0, 2, 4, 6
 """First columns of the outputs: gauge signals, joint angles, joint rates, elastic coordinates."""
 
 
-@compiled
+@allocating
 def predict_rows(
     terms: Any,
     rig: Rig,

@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.arm.driven.terms import FullTerms, terms
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.sensing.gauge import FILTERED, gauge_input
 from flexarm_ros.core.sensing.lowpass import follow
 import numpy as np
@@ -135,7 +135,7 @@ def _substitute(factor: FloatArray, rhs: FloatArray) -> None:
         rhs[i] = s * factor[i, i]
 
 
-@compiled
+@allocating
 def driven(
     model: FullTerms,
     shapes: FloatArray,

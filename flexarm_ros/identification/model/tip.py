@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from flexarm_ros.core.arm.kinematics import elastic_point, make_point
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, FloatArray
 from flexarm_ros.core.parameters.sections import PlantParameters
 import numpy as np
 
@@ -34,7 +34,7 @@ def tip_path(plant: PlantParameters, angles: FloatArray, elastic: FloatArray) ->
     return path
 
 
-@compiled
+@allocating
 def _fill(
     shapes: FloatArray, shortening: FloatArray, positions: FloatArray, path: FloatArray
 ) -> None:

@@ -46,7 +46,7 @@ from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.driven.terms import terms
 from flexarm_ros.core.arm.kinematics import elastic_point
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.numerics.elementary import exp
 from flexarm_ros.core.numerics.linalg import solve_symmetric
 import numpy as np
@@ -354,7 +354,7 @@ def _join(
     solve_symmetric(s.mass, joined)
 
 
-@compiled
+@allocating
 def settle(
     model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, torque: FloatArray, acc: FloatArray,
     s: Scratch,

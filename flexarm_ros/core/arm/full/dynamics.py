@@ -255,10 +255,12 @@ def _advance(
     count, x, v, slopes = stages.shape[1], work.q[:], work.qd[:], work.slopes
     for stage in range(count):
         _combine(q, qd, h, stages[stage], stage, work)
-        slopes[stage, 0, :] = v
+        for i in range(len(v)):
+            slopes[stage, 0, i] = v[i]
         _acceleration(con, x, v, tau1, tau2, work, slopes[stage, 1])
     _combine(q, qd, h, stages[count], count, work)
-    q[:], qd[:] = x, v
+    for i in range(len(v)):
+        q[i], qd[i] = x[i], v[i]
 
 
 @compiled

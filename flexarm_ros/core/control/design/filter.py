@@ -38,7 +38,7 @@ from flexarm_ros.core.control.design.model import (
     sensitivity,
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.numerics.records import Records
 import numpy as np
 
@@ -247,7 +247,7 @@ def drive_and_noise(
         noise[n + i, n + i] += setup.noise[1 if i < 2 else 2] * period
 
 
-@compiled
+@allocating
 def fill_filter(
     arm: Arm, around: tuple[Records, Records, Records, Records], apart: float,
     setup: FilterModel, grid: Grid, motion: Motion, gains: FloatArray,

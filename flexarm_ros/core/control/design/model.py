@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from flexarm_ros.core.arm.full.dynamics import acceleration
 from flexarm_ros.core.arm.kinematics import elastic_point
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.numerics.linalg import multiply
 from flexarm_ros.core.numerics.records import Records
 import numpy as np
@@ -72,7 +72,7 @@ def adjust(
         out[i] = base[i] + ei * rigidity[i] + rho * density[i]
 
 
-@compiled
+@allocating
 def linearise(arm: Arm, state: FloatArray, tau1: float, tau2: float, rows: FloatArray) -> None:
     """
     Fill ``rows`` (n, 2n + 2), the derivative of q'' with respect to q, q' and the torques.
@@ -100,7 +100,7 @@ def linearise(arm: Arm, state: FloatArray, tau1: float, tau2: float, rows: Float
             rows[i, 2 * n + j] = high[i] - low[i]
 
 
-@compiled
+@allocating
 def sensitivity(
     arm: Arm, around: tuple[Records, Records, Records, Records], change: float,
     state: FloatArray, tau1: float, tau2: float, rows: FloatArray,
@@ -124,7 +124,7 @@ def sensitivity(
         rows[i, 2 * n + 3] = (high[i] - low[i]) / change
 
 
-@compiled
+@allocating
 def discretise(rows: FloatArray, period: float, ad: FloatArray, bd: FloatArray) -> None:
     """
     Fill ``ad`` (2n, 2n) and ``bd`` (2n, c): one tick of ``period`` s with held inputs.
@@ -156,7 +156,7 @@ def discretise(rows: FloatArray, period: float, ad: FloatArray, bd: FloatArray) 
                 bd[i, j - size] += term[i, j]
 
 
-@compiled
+@allocating
 def interval_matrices(
     rows: FloatArray, ticks: int, period: float, transition: FloatArray, drive: FloatArray
 ) -> None:
@@ -193,7 +193,7 @@ def interval_matrices(
         drive[size + j, j] = ticks * period
 
 
-@compiled
+@allocating
 def point_jacobian(point: Point, q: FloatArray, jacobian: FloatArray) -> tuple[float, float]:
     """
     Fill ``jacobian`` (2, n), the derivative of the point's x, y to q; return x, y.

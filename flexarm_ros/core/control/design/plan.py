@@ -42,7 +42,7 @@ from flexarm_ros.core.control.design.model import (
     linearise,
     point_jacobian,
 )
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.numerics.linalg import (
     add_outer,
     gains_of_two,
@@ -94,7 +94,7 @@ class Policy(NamedTuple):
     change: FloatArray
 
 
-@compiled
+@allocating
 def advance(
     arm: Arm, state: FloatArray, torque: FloatArray, rate: FloatArray, grid: Grid,
     dense: FloatArray,
@@ -135,7 +135,7 @@ def knot_cost(
     return cost
 
 
-@compiled
+@allocating
 def roll_out(
     arm: Arm, path: FloatArray, weights: Weights, grid: Grid, old: Motion, policy: Policy,
     share: float, new: Motion,
@@ -191,7 +191,7 @@ def add_knot_cost(
             value[size + c, size + c] += 2.0 * spacing * weights.excess
 
 
-@compiled
+@allocating
 def improve(
     arm: Arm, path: FloatArray, weights: Weights, grid: Grid, motion: Motion, policy: Policy
 ) -> None:
@@ -282,7 +282,7 @@ def _converge(
     return motion
 
 
-@compiled
+@allocating
 def fill_ticks(arm: Arm, grid: Grid, motion: Motion, dense: FloatArray) -> None:
     """Fill ``dense`` (K ticks + 1, 2n + 2): state and torque of the plan at each tick."""
     at = motion.state[0].copy()

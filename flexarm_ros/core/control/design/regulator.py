@@ -39,7 +39,7 @@ from flexarm_ros.core.control.design.model import (
     sensitivity,
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
 from flexarm_ros.core.numerics.linalg import (
     add_outer,
     gains_of_two,
@@ -60,7 +60,7 @@ class RegulatorWeights(NamedTuple):
     rate: float
 
 
-@compiled
+@allocating
 def place_integral(
     small: FloatArray, small_drive: FloatArray, jacobian: FloatArray, spacing: float,
     transition: FloatArray, drive: FloatArray,
@@ -90,7 +90,7 @@ def add_stage(
         value[at + 2 + c, at + 2 + c] += spacing * weights.integral
 
 
-@compiled
+@allocating
 def fill_regulator(
     arm: Arm, around: tuple[Records, Records, Records, Records], apart: float,
     weights: RegulatorWeights, grid: Grid, motion: Motion, beyond: int, gains: FloatArray,
