@@ -28,7 +28,7 @@ import math
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.kinematics import inverse_kinematics, reach, REACH_TOLERANCE, rigid_point
-from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray, internal
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.timeline import named_ns, NS_PER_S, Timeline
 import numpy as np
@@ -132,7 +132,7 @@ def _corner(side: Side, offset_ns: int) -> Switch:
     )  # fmt: skip
 
 
-@compiled
+@internal
 def rest_to_rest(part: float) -> tuple[float, float, float]:
     """
     Return the fraction of the way and its first and second rates at ``part`` of the time, 0 to 1.

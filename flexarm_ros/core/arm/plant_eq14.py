@@ -39,7 +39,7 @@ from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
 from flexarm_ros.core.arm.plant import choose_substeps, deflection_limits, material_damping
-from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray, internal
 from flexarm_ros.core.numerics.elementary import sincos
 from flexarm_ros.core.numerics.linalg import largest_rate, solve_symmetric
 from flexarm_ros.core.parameters.sections import PlantParameters, RunConfig
@@ -138,7 +138,7 @@ def _link_mass(link: ClampedFreeModes, hub: float, turn: FloatArray, part: slice
     return np.asarray(matrix)
 
 
-@compiled
+@internal
 def eq14_terms(
     q: FloatArray,
     qd: FloatArray,
@@ -162,7 +162,7 @@ def eq14_terms(
     out[1] += tau2 - swirl * qd[0] * qd[0]
 
 
-@compiled
+@internal
 def _acceleration(
     q: FloatArray,
     qd: FloatArray,

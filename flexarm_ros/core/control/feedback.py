@@ -34,13 +34,13 @@ reach.
 from __future__ import annotations
 
 from flexarm_ros.core.arm.kinematics import rigid_point
-from flexarm_ros.core.numerics.compiled import compiled
+from flexarm_ros.core.numerics.compiled import internal
 from flexarm_ros.core.numerics.elementary import sincos
 
 Point = tuple[float, float, float, float]
 
 
-@compiled
+@internal
 def tip_from_encoder(
     length1: float, length2: float, a: float, b: float, da: float, db: float
 ) -> Point:
@@ -48,7 +48,7 @@ def tip_from_encoder(
     return rigid_point(length1, length2, a, b, da, db)
 
 
-@compiled
+@internal
 def tip_from_point(
     rest: float, th1: float, th2: float, dth1: float, dth2: float,
     x: float, y: float, vx: float, vy: float,
@@ -62,7 +62,7 @@ def tip_from_point(
     return x + c, y + s, vx - s * rate, vy + c * rate
 
 
-@compiled
+@internal
 def jacobian_torque(
     length1: float, length2: float, th1: float, th2: float, fx: float, fy: float, limit: float
 ) -> tuple[float, float]:
@@ -73,7 +73,7 @@ def jacobian_torque(
     return limited(tau1, limit), limited(tau2, limit)
 
 
-@compiled
+@internal
 def limited(torque: float, limit: float) -> float:
     """Return ``torque`` limited to +-``limit``, or unchanged for a limit of 0."""
     if limit > 0.0:

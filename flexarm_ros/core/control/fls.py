@@ -30,10 +30,10 @@ a quotient of polynomials in the strengths, without sampling.
 
 from __future__ import annotations
 
-from flexarm_ros.core.numerics.compiled import compiled
+from flexarm_ros.core.numerics.compiled import compiled, internal
 
 
-@compiled
+@internal
 def _half_moments(falling: float, rising: float) -> tuple[float, float]:
     """Area and first moment on s in [0, 1] of max(min(falling, 1 - s), min(rising, s))."""
     fall_area = falling * (1.0 - 0.5 * falling)

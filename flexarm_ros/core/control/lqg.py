@@ -41,7 +41,7 @@ from flexarm_ros.core.control.design.plan import Grid
 from flexarm_ros.core.control.design.regulator import fill_regulator, RegulatorWeights
 from flexarm_ros.core.control.feedback import limited
 from flexarm_ros.core.control.law import Law, Sample
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray, internal
 from flexarm_ros.core.numerics.elementary import exp
 from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import (
@@ -191,7 +191,7 @@ def correct(
         z[i] += gains[i, 4] * e4 + gains[i, 5] * e5
 
 
-@compiled
+@internal
 def tip_deviation(point: Point, z: FloatArray, planned: FloatArray, n: int) -> tuple[float, float]:
     """Return the deviation of the estimated tip from the planned one, m."""
     end = 2 * n

@@ -21,7 +21,8 @@ Compiled functions use plain loops, never ``@`` or ``numpy.linalg``, whose order
 depends on BLAS, and :mod:`flexarm_ros.core.numerics.elementary` for everything but +, -, *, / and
 sqrt.
 
-Beside ``@compiled`` there are ``@inlined``, and ``@allocating`` for what creates arrays.  Only the last counts references to arrays, whose code
+Beside ``@compiled`` there are ``@internal`` for what only compiled code calls, ``@inlined``, and
+``@allocating`` for what creates arrays.  Only the last counts references to arrays, whose code
 takes as long to compile as that of short functions themselves; elsewhere numba refuses code that
 creates an array or returns a new view.
 
@@ -121,6 +122,22 @@ def inlined(function: F) -> F:
 def unlocked(function: F) -> F:
     """Do as `compiled`; other threads of Python run during a call from Python."""
     return _compiled(function, nogil=True)
+
+
+def internal(function: F) -> F:
+    """
+    Compile ``function`` for compiled callers alone; called from Python, it stays plain Python.
+
+    This saves the code that converts arguments and result from and to Python objects, which takes
+    as long to compile as a short function itself.  The results are equal to the bit.
+    """
+    result: Any = _compiled(function, no_cpython_wrapper=True)
+    if result is not function:
+        # What numba asks any object for that compiled code mentions; a call of ``result`` itself
+        # from Python would crash.
+        plain: Any = function
+        plain.py_func, plain.dispatcher, plain._numba_type_ = plain, result, result._numba_type_
+    return function
 
 
 def bound(function: Callable[..., Any], *records: Any, example: tuple[Any, ...]) -> Any:

@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.numerics.compiled import compiled
+from flexarm_ros.core.numerics.compiled import compiled, internal
 import numpy as np
 
 _QUARTER_PI = math.pi / 4.0
@@ -110,7 +110,7 @@ def sincos(x: float) -> tuple[float, float]:
     return _turned(quadrant, angle, (third - angle) + rest)
 
 
-@compiled
+@internal
 def _turned(quadrant: int, x: float, low: float) -> tuple[float, float]:
     """Return sine and cosine of ``x + low`` plus ``quadrant`` quarter turns."""
     sine, cosine = _series(x, low)
@@ -123,7 +123,7 @@ def _turned(quadrant: int, x: float, low: float) -> tuple[float, float]:
     return -cosine, sine
 
 
-@compiled
+@internal
 def _series(x: float, low: float) -> tuple[float, float]:
     """Return sine and cosine of ``x + low``, |x| up to pi / 4, by their Taylor series."""
     z = x * x
@@ -145,7 +145,7 @@ def _series(x: float, low: float) -> tuple[float, float]:
     return sine, most + (((1.0 - most) - half) + (z2 * even - x * low))
 
 
-@compiled
+@internal
 def _reduce_huge(x: float) -> tuple[int, float, float]:
     """
     Return the quadrant of ``x`` > 1 and the angle in it, rad, with its remainder.
@@ -179,7 +179,7 @@ def _reduce_huge(x: float) -> tuple[int, float, float]:
     return quadrant, angle, lost + (high * _HALF_PI_LOW + low * _HALF_PI)
 
 
-@compiled
+@internal
 def _column(x: float, last: int) -> float:
     """Return the sum of the digits of ``x``, the first before the point, times those of 2 / pi."""
     total = 0.0
@@ -290,7 +290,7 @@ def acos(x: float) -> float:
     return _angle(root, rest, abs(x), 0.0, x < 0.0)
 
 
-@compiled
+@internal
 def _angle(y: float, y_low: float, x: float, x_low: float, left: bool) -> float:
     """Return the angle of (x, y) > 0, each with a remainder; ``left``: that of (-x, y)."""
     steep = y > x
@@ -324,14 +324,14 @@ def _angle(y: float, y_low: float, x: float, x_low: float, left: bool) -> float:
     return high + low
 
 
-@compiled
+@internal
 def _scaled(x: float, power: int) -> float:
     """Return x 2^power, rounded once, infinite on overflow."""
     half = power // 2
     return x * math.ldexp(1.0, half) * math.ldexp(1.0, power - half)
 
 
-@compiled
+@internal
 def _two_sum(a: float, b: float) -> tuple[float, float]:
     """Return a + b as rounded, and the exact rounding error (Knuth)."""
     total = a + b
@@ -339,7 +339,7 @@ def _two_sum(a: float, b: float) -> tuple[float, float]:
     return total, (a - (total - of_b)) + (b - of_b)
 
 
-@compiled
+@internal
 def _two_product(a: float, b: float) -> tuple[float, float]:
     """Return a b as rounded, and the exact rounding error (Veltkamp, Dekker)."""
     product = a * b

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray, internal
 import numpy as np
 
 
@@ -54,7 +54,7 @@ def _jacobi(a: FloatArray, vectors: FloatArray) -> None:
             break
 
 
-@compiled
+@internal
 def _rotate(a: FloatArray, vectors: FloatArray, p: int, q: int) -> None:
     """Zero ``a[p, q]`` by a plane rotation."""
     tau = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
@@ -165,7 +165,7 @@ def largest_rate(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -
     return float(np.max(spectral_radius(system)))
 
 
-@compiled
+@internal
 def solve_symmetric(matrix: FloatArray, vector: FloatArray) -> None:
     """
     Solve ``matrix @ x = vector`` in place by LDL^T; ``vector`` becomes x.
@@ -202,7 +202,7 @@ def solve_symmetric(matrix: FloatArray, vector: FloatArray) -> None:
         vector[i] = value
 
 
-@compiled
+@internal
 def solve_upper(matrix: FloatArray, vector: FloatArray) -> None:
     """
     Solve ``matrix @ x = vector`` in place by LDL^T, row by row; ``vector`` becomes x.
@@ -241,7 +241,7 @@ def multiply(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
                     out[i, j] += factor * b[k, j]
 
 
-@compiled
+@internal
 def transpose_multiply(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Set ``out`` (n, m) to a^T b, of shapes (k, n) and (k, m)."""
     for i in range(a.shape[1]):
@@ -255,7 +255,7 @@ def transpose_multiply(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
                     out[i, j] += factor * b[k, j]
 
 
-@compiled
+@internal
 def transpose_times(a: FloatArray, v: FloatArray, out: FloatArray) -> None:
     """Set ``out`` (n,) to a^T v, of shapes (k, n) and (k,)."""
     out[:] = 0.0
@@ -264,7 +264,7 @@ def transpose_times(a: FloatArray, v: FloatArray, out: FloatArray) -> None:
             out[i] += a[k, i] * v[k]
 
 
-@compiled
+@internal
 def symmetrise(a: FloatArray) -> None:
     """Replace the square ``a`` by the mean of itself and its transpose."""
     for i in range(a.shape[0]):
@@ -274,7 +274,7 @@ def symmetrise(a: FloatArray) -> None:
             a[j, i] = mean
 
 
-@compiled
+@internal
 def add_outer(jacobian: FloatArray, factor: float, out: FloatArray) -> None:
     """Add factor J^T J to the upper left of ``out``; ``jacobian`` (2, n)."""
     n = jacobian.shape[1]
@@ -284,7 +284,7 @@ def add_outer(jacobian: FloatArray, factor: float, out: FloatArray) -> None:
             out[i, k] += factor * product
 
 
-@compiled
+@internal
 def gains_of_two(
     inner: FloatArray, cross: FloatArray, lead: FloatArray, feedback: FloatArray,
     change: FloatArray,

@@ -25,7 +25,7 @@ which gives ``deflection``, and ``angle`` = deflection / L.
 from __future__ import annotations
 
 from flexarm_ros.core.arm.beam import ClampedFreeModes
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, internal
 from flexarm_ros.core.parameters.rig import StrainGaugeParameters
 from flexarm_ros.core.parameters.sections import PlantParameters
 from flexarm_ros.core.sensing.lowpass import follow, lowpass_step
@@ -81,7 +81,7 @@ def gauge_tables(
     return shapes, gauges, lowpass
 
 
-@compiled
+@internal
 def gauge_input(
     link: int, shapes: FloatArray, gauges: FloatArray, angles: FloatArray, elastic: FloatArray
 ) -> float:

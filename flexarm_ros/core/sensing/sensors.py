@@ -31,7 +31,7 @@ from decimal import Decimal
 from typing import NamedTuple
 
 from flexarm_ros.core.arm.kinematics import make_point
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, internal
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.sensing.channel import LatencyChannel
 from flexarm_ros.core.sensing.delay import Line
@@ -71,7 +71,7 @@ def read_out(
     return a, b
 
 
-@compiled
+@internal
 def _counted(angle: float, resolution: float) -> float:
     """Return the angle rounded to the resolution; halves to even, as in IEEE 754."""
     if abs(angle) < 1e15 * resolution:

@@ -25,7 +25,7 @@ import math
 from typing import Any
 
 from flexarm_ros.core.arm.driven.dynamics import Rig, Scratch, step_driven
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray, internal
 from flexarm_ros.core.sensing.lowpass import follow
 from flexarm_ros.identification.model.driven_motion import IntArray, pass_low, sense
 import numpy as np
@@ -123,7 +123,7 @@ def control(
         torque[j] = command(law[j], reference[j], seen, angle[j, 1], output[j], bend_rate)
 
 
-@compiled
+@internal
 def read_encoder(law: FloatArray, angle: float) -> float:
     """Return what an encoder reads at an angle, rad."""
     resolution: float = law[6]

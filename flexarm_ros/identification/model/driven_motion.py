@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 
 from flexarm_ros.core.arm.driven.terms import FullTerms, terms
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray, internal
 from flexarm_ros.core.sensing.gauge import FILTERED, gauge_input
 from flexarm_ros.core.sensing.lowpass import follow
 import numpy as np
@@ -78,7 +78,7 @@ def advance(
             q[i] += h * qd[i]
 
 
-@compiled
+@internal
 def _runge_kutta(
     diagonals: FloatArray,
     q: FloatArray,
@@ -108,7 +108,7 @@ def _runge_kutta(
             v[i] = rate[i] + ahead * rest[i]
 
 
-@compiled
+@internal
 def _factorise(mass: FloatArray, factor: FloatArray) -> None:
     """Fill ``factor`` (2N, 2N) with Cholesky's of the elastic block; inverse diagonal."""
     for i in range(factor.shape[0]):
@@ -119,7 +119,7 @@ def _factorise(mass: FloatArray, factor: FloatArray) -> None:
             factor[i, j] = 1.0 / math.sqrt(s) if i == j else s * factor[j, j]
 
 
-@compiled
+@internal
 def _substitute(factor: FloatArray, rhs: FloatArray) -> None:
     """Solve in place with what `_factorise` left."""
     size = factor.shape[0]
@@ -191,7 +191,7 @@ def driven(
         pass_low(shapes, gauges, lowpass, angles[k + 1], state, before, on, k)
 
 
-@compiled
+@internal
 def _correct(
     correction: FloatArray,
     measured: FloatArray,
@@ -208,7 +208,7 @@ def _correct(
                 state[i] += correction[i, link] * error
 
 
-@compiled
+@internal
 def sense(
     shapes: FloatArray,
     gauges: FloatArray,
@@ -225,7 +225,7 @@ def sense(
         output[link] = state[row + 2 * link] if filtered else before[link]
 
 
-@compiled
+@internal
 def pass_low(
     shapes: FloatArray,
     gauges: FloatArray,

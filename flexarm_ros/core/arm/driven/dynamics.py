@@ -46,7 +46,7 @@ from typing import Any, NamedTuple
 
 from flexarm_ros.core.arm.driven.terms import terms
 from flexarm_ros.core.arm.kinematics import elastic_point
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray, internal
 from flexarm_ros.core.numerics.elementary import exp
 from flexarm_ros.core.numerics.linalg import solve_symmetric
 import numpy as np
@@ -126,7 +126,7 @@ def end_acceleration(s: Scratch) -> FloatArray:
     return found
 
 
-@compiled
+@internal
 def drive_torque(
     rig: Rig, start: FloatArray, target: FloatArray, time: float, out: FloatArray
 ) -> None:
@@ -136,7 +136,7 @@ def drive_torque(
         out[j] = target[j] + (start[j] - target[j]) * fall
 
 
-@compiled
+@internal
 def _assemble(model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, s: Scratch) -> None:
     """Fill ``s.mass`` and ``s.force[1]`` without drives and Coulomb friction."""
     n = pos.shape[0] - 2
@@ -154,7 +154,7 @@ def _assemble(model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, s: Scratch
             force[i] += vx * s.push[0] + vy * s.push[1]
 
 
-@compiled
+@internal
 def accelerate(
     model: Any, rig: Rig, modes: IntArray, pos: FloatArray, vel: FloatArray, torque: FloatArray,
     acc: FloatArray, s: Scratch,
@@ -169,7 +169,7 @@ def accelerate(
     _solve(rig, modes, torque, acc, s)
 
 
-@compiled
+@internal
 def _solve(rig: Rig, modes: IntArray, torque: FloatArray, acc: FloatArray, s: Scratch) -> None:
     """Solve for the accelerations and reactions; changes ``s.mass`` and ``s.force``."""
     n = acc.shape[0] - 2
@@ -192,7 +192,7 @@ def _solve(rig: Rig, modes: IntArray, torque: FloatArray, acc: FloatArray, s: Sc
             s.reaction[2 + j] = torque[j] - rig.hub[j] * acc[j]
 
 
-@compiled
+@internal
 def _load_joints(
     rig: Rig, modes: IntArray, torque: FloatArray, acc: FloatArray, s: Scratch
 ) -> None:
@@ -213,7 +213,7 @@ def _load_joints(
             s.rows[j, k] = mass[k, j] if k >= j else mass[j, k]
 
 
-@compiled
+@internal
 def _fix_joint(j: int, mass: FloatArray, force: FloatArray) -> None:
     """Make the equation of joint ``j`` theta'' = 0."""
     for k in range(j):
@@ -224,7 +224,7 @@ def _fix_joint(j: int, mass: FloatArray, force: FloatArray) -> None:
     force[j] = 0.0
 
 
-@compiled
+@internal
 def _margin(
     rig: Rig, modes: IntArray, pos: FloatArray, vel: FloatArray, torque: FloatArray, s: Scratch
 ) -> float:
@@ -249,7 +249,7 @@ def _margin(
     return least
 
 
-@compiled
+@internal
 def _runge_kutta(
     model: Any, rig: Rig, start: FloatArray, target: FloatArray, time: float, h: float,
     pos: FloatArray, vel: FloatArray, acc: FloatArray, s: Scratch,
@@ -286,7 +286,7 @@ def _runge_kutta(
     return _margin(rig, s.modes, x, v, s.torque, s)
 
 
-@compiled
+@internal
 def _hold(rig: Rig, modes: IntArray, pos: FloatArray, vel: FloatArray) -> None:
     """Set drives in contact exactly to their end of the gap."""
     n = pos.shape[0] - 2
@@ -297,7 +297,7 @@ def _hold(rig: Rig, modes: IntArray, pos: FloatArray, vel: FloatArray) -> None:
             vel[n + j] = vel[j]
 
 
-@compiled
+@internal
 def _side(rig: Rig, pos: FloatArray, j: int) -> int:
     """Return at which end of its gap a drive is; 0: between them."""
     n = pos.shape[0] - 2
@@ -306,7 +306,7 @@ def _side(rig: Rig, pos: FloatArray, j: int) -> int:
     return -1 if pos[n + j] <= pos[j] - rig.gap[j] else 0
 
 
-@compiled
+@internal
 def _impacts(model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, s: Scratch) -> None:
     """
     Let drives that run into the end of their gap take their joints along.
@@ -339,7 +339,7 @@ def _impacts(model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, s: Scratch)
             vel[n + j] = vel[j]
 
 
-@compiled
+@internal
 def _join(
     model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, joined: FloatArray, s: Scratch
 ) -> None:
@@ -398,7 +398,7 @@ def settle(
     _hold(rig, s.modes, pos, vel)
 
 
-@compiled
+@internal
 def _try(
     model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, torque: FloatArray, acc: FloatArray,
     counts: IntArray, trial: int, s: Scratch,
@@ -460,7 +460,7 @@ def impulse(
             vel[n + j] = vel[j]
 
 
-@compiled
+@internal
 def _momentum(
     model: Any, rig: Rig, pos: FloatArray, vel: FloatArray, out: FloatArray, s: Scratch
 ) -> None:
@@ -513,7 +513,7 @@ def step_driven(
     start[0], start[1] = s.torque[0], s.torque[1]
 
 
-@compiled
+@internal
 def _locate(
     model: Any, rig: Rig, start: FloatArray, target: FloatArray, time: float, h: float,
     margin: float, pos: FloatArray, vel: FloatArray, acc: FloatArray, s: Scratch,
@@ -548,7 +548,7 @@ def _locate(
     return high
 
 
-@compiled
+@internal
 def _onto_event(rig: Rig, pos: FloatArray, vel: FloatArray, s: Scratch) -> None:
     """Stop joints that have come to rest, and set drives to the end of the gap they are beyond."""
     n = pos.shape[0] - 2

@@ -33,7 +33,7 @@ from typing import Any, Protocol
 
 from flexarm_ros.core.arm.full.link import link_terms, terms_type
 from flexarm_ros.core.arm.full.model import Constants
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, internal
 from flexarm_ros.core.numerics.elementary import sincos
 from flexarm_ros.core.numerics.linalg import solve_upper
 from flexarm_ros.core.numerics.records import record_type, Records
@@ -93,7 +93,7 @@ def mass_and_bias(constants: Records, q: FloatArray, qd: FloatArray, work: Recor
     _mass_and_bias(constants[0], q, qd, work[0])
 
 
-@compiled
+@internal
 def _mass_and_bias(con: Constants, q: FloatArray, qd: FloatArray, work: Work) -> None:
     link1, link2 = con.links[0], con.links[1]
     one, two = work.links[0], work.links[1]
@@ -192,7 +192,7 @@ def acceleration(
     _acceleration(constants[0], q, qd, tau1, tau2, work[0], out)
 
 
-@compiled
+@internal
 def _acceleration(
     con: Constants,
     q: FloatArray,
@@ -240,7 +240,7 @@ def step(
     return end_deflections(constants, q, qd)
 
 
-@compiled
+@internal
 def _advance(
     con: Constants,
     q: FloatArray,
@@ -263,7 +263,7 @@ def _advance(
         q[i], qd[i] = x[i], v[i]
 
 
-@compiled
+@internal
 def _combine(
     q: FloatArray, qd: FloatArray, h: float, weights: FloatArray, count: int, work: Work
 ) -> None:

@@ -34,7 +34,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from flexarm_ros.core.arm.full.model import Link
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import FloatArray, internal
 from flexarm_ros.core.numerics.records import record_type
 
 
@@ -87,7 +87,7 @@ def terms_type(modes: int) -> Any:
     )
 
 
-@compiled
+@internal
 def link_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTerms) -> None:
     """Fill ``out``; ``a``, ``da`` (N,): coordinates and rates; ``w``: rate of the frame, rad/s."""
     _pair_products(a, da, out)
@@ -96,7 +96,7 @@ def link_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTer
     _quartic_terms(link, a, da, w, out)
 
 
-@compiled
+@internal
 def _pair_products(a: FloatArray, da: FloatArray, out: LinkTerms) -> None:
     """Set ``squares`` and ``rates``."""
     p = 0
@@ -106,7 +106,7 @@ def _pair_products(a: FloatArray, da: FloatArray, out: LinkTerms) -> None:
             p += 1
 
 
-@compiled
+@internal
 def _quadratic_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTerms) -> None:
     """Set the terms of the single integrals of phi and of G."""
     n = len(link.mass_shape)
@@ -138,7 +138,7 @@ def _quadratic_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: L
     out.fw = 2.0 * w * spin_rate
 
 
-@compiled
+@internal
 def _cross_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTerms) -> None:
     """Add the terms of int rho phi_i G_jk: the foreshortening seen across the link."""
     n = len(link.mass_shape)
@@ -168,7 +168,7 @@ def _cross_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkT
     out.fw += total
 
 
-@compiled
+@internal
 def _quartic_terms(link: Link, a: FloatArray, da: FloatArray, w: float, out: LinkTerms) -> None:
     """Set F and add the terms of int rho G_ik G_jl: the inertia of the axial motion."""
     n, pairs = len(link.mass_shape), len(link.bend)

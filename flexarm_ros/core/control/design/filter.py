@@ -38,7 +38,7 @@ from flexarm_ros.core.control.design.model import (
     sensitivity,
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray, internal
 from flexarm_ros.core.numerics.records import Records
 import numpy as np
 
@@ -67,7 +67,7 @@ class FilterModel(NamedTuple):
     considered: FloatArray
 
 
-@compiled
+@internal
 def shift_chain(p: FloatArray, chain: int) -> None:
     """Make room for the newest point: entries from ``chain`` on move by two."""
     total = p.shape[0]
@@ -79,7 +79,7 @@ def shift_chain(p: FloatArray, chain: int) -> None:
             p[i, j] = p[i - 2, j]
 
 
-@compiled
+@internal
 def carry_cross(p: FloatArray, ad: FloatArray, drive: FloatArray, carried: FloatArray) -> None:
     """Set ``carried`` (2n, total) to the rows of F p that belong to x."""
     size, total, unknowns = ad.shape[0], p.shape[0], drive.shape[1]
@@ -98,7 +98,7 @@ def carry_cross(p: FloatArray, ad: FloatArray, drive: FloatArray, carried: Float
                     carried[i, j] += f * p[size + k, j]
 
 
-@compiled
+@internal
 def place_state(
     p: FloatArray, ad: FloatArray, drive: FloatArray, noise: FloatArray, carried: FloatArray
 ) -> None:
@@ -122,7 +122,7 @@ def place_state(
             p[j, i] = s
 
 
-@compiled
+@internal
 def place_newest(p: FloatArray, output: FloatArray, chain: int) -> None:
     """Set the rows of the newest point, ``output`` (2, n) times those of q."""
     n, total = output.shape[1], p.shape[0]
@@ -197,7 +197,7 @@ def update(
             gains[i, j] -= gains[i, which] * seen
 
 
-@compiled
+@internal
 def update_all(
     p: FloatArray, setup: FilterModel, n: int, velocity: tuple[float, float], tip: bool,
     column: FloatArray, gains: FloatArray,
@@ -230,7 +230,7 @@ def update_all(
         )
 
 
-@compiled
+@internal
 def drive_and_noise(
     bd: FloatArray, period: float, setup: FilterModel, drive: FloatArray, noise: FloatArray
 ) -> None:

@@ -42,7 +42,7 @@ from flexarm_ros.core.control.design.model import (
     linearise,
     point_jacobian,
 )
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, FloatArray, internal
 from flexarm_ros.core.numerics.linalg import (
     add_outer,
     gains_of_two,
@@ -117,7 +117,7 @@ def advance(
         )  # fmt: skip
 
 
-@compiled
+@internal
 def knot_cost(
     arm: Arm, state: FloatArray, torque: FloatArray, at: FloatArray, weights: Weights,
     jacobian: FloatArray,
@@ -167,7 +167,7 @@ def roll_out(
     return total
 
 
-@compiled
+@internal
 def add_knot_cost(
     arm: Arm, state: FloatArray, torque: FloatArray, at: FloatArray, weights: Weights,
     spacing: float, jacobian: FloatArray, value: FloatArray, slope: FloatArray,

@@ -39,7 +39,7 @@ from flexarm_ros.core.control.design.model import (
     sensitivity,
 )
 from flexarm_ros.core.control.design.plan import Grid, Motion
-from flexarm_ros.core.numerics.compiled import allocating, compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import allocating, FloatArray, internal
 from flexarm_ros.core.numerics.linalg import (
     add_outer,
     gains_of_two,
@@ -78,7 +78,7 @@ def place_integral(
             transition[inner + c, i] = spacing * jacobian[c, i]
 
 
-@compiled
+@internal
 def add_stage(
     jacobian: FloatArray, spacing: float, weights: RegulatorWeights, value: FloatArray
 ) -> None:
