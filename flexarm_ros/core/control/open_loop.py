@@ -48,6 +48,22 @@ class OpenLoopLaw(Law):
         torque: tuple[float, float] = torque_at(self.table, k, self._period_ns, limit)
         return torque
 
+    def torques(self, first: int, count: int) -> FloatArray:
+        """Return tau1, tau2 (N m) of ``count`` ticks from ``first`` on, shape ``(count, 2)``."""
+        out = np.empty((count, 2))
+        limit = self.config.controller.torque_limit
+        fill_torques(self.table, first, self._period_ns, limit, out)
+        return out
+
+
+@compiled
+def fill_torques(
+    table: FloatArray, first: int, period_ns: int, limit: float, out: FloatArray
+) -> None:
+    """Set the rows of ``out`` to `torque_at` of the ticks from ``first`` on."""
+    for i in range(len(out)):
+        out[i, 0], out[i, 1] = torque_at(table, first + i, period_ns, limit)
+
 
 @compiled
 def torque_at(table: FloatArray, k: int, period_ns: int, limit: float) -> tuple[float, float]:

@@ -23,9 +23,10 @@ takes ten times as long as the arithmetic.  Here a compiled function runs a bloc
 One implementation
     The kernel has no formula of its own.  It calls, in the order of `ClosedLoop.tick`, the
     compiled functions that the parts of a run call as well: `step_eq14` and `step` of the
-    plants, `is_stable`, `delayed`, `read_out`, `sensed_point`, `command_at`, `transpose_law`,
-    `torque_at`.  The results are equal to the bit, since no option of the compiler lets it
-    reorder or fuse operations (`flexarm_ros.core.numerics.compiled`).
+    plants, `is_stable`, `delayed`, `read_out`, `sensed_point`, `command_at`, `transpose_law`.
+    The torques of law ``open_loop`` do not depend on the state: `OpenLoopLaw.torques` gives those
+    of a block beforehand.  The results are equal to the bit, since no option of the compiler lets
+    it reorder or fuse operations (`flexarm_ros.core.numerics.compiled`).
 
 One state
     A block advances the `ClosedLoop` itself: the arrays of plant and delay lines in place, noise,
@@ -36,8 +37,7 @@ Records
     What a compiled function needs of a part is a record made by that part (``record()``, a
     ``NamedTuple`` or a structured array).  Records are made anew after each live change.
 
-    Functions that take whole records are inlined: in a call, the references of every array in
-    them are counted, which took a third of a tick.
+    Functions that take whole records are inlined: a call would copy every array's description.
 
 Blocks
     A block ends before a live change, at the end of the run, and where the run becomes unstable.
@@ -71,7 +71,7 @@ from flexarm_ros.core.arm.full.plant import FullPlant, FullRecord
 from flexarm_ros.core.arm.kinematics import sensed_point, SensedPoint
 from flexarm_ros.core.arm.plant import is_stable
 from flexarm_ros.core.arm.plant_eq14 import Eq14Plant, Eq14Record, step_eq14
-from flexarm_ros.core.control.open_loop import OpenLoopLaw, torque_at
+from flexarm_ros.core.control.open_loop import OpenLoopLaw
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw, SETTINGS, transpose_law
 from flexarm_ros.core.numerics.compiled import compiled, FloatArray, inlined
 from flexarm_ros.core.run import part, parts
@@ -95,14 +95,13 @@ class LawRecord(NamedTuple):
     """
     A law for compiled code.
 
-    ``table``: of law ``open_loop``, without rows for the others, which use ``settings``;
+    ``open_loop``: the torques are those of `Ticks.planned`; the other laws use ``settings``;
     ``every``: ticks between torques.
     """
 
     every: int
+    open_loop: bool
     settings: NDArray[np.void]
-    table: FloatArray
-    torque_limit: float
 
 
 class LoopRecord(NamedTuple):
@@ -138,7 +137,8 @@ class Ticks(NamedTuple):
 
     ``state`` (n, 2 c + 4): the values of ``plant/state``; ``encoder``, ``tip``: of four values,
     ``torque``, N m: of two; ``reference`` (n, 4); ``gain`` (n,): lambda or nan, row 0 at first
-    that of the tick before.
+    that of the tick before.  ``planned`` (n, 2): the torques of law ``open_loop``, which are known
+    before the block.
     """
 
     state: FloatArray
@@ -147,6 +147,7 @@ class Ticks(NamedTuple):
     reference: FloatArray
     torque: Way
     gain: FloatArray
+    planned: FloatArray
 
 
 @compiled
@@ -226,9 +227,8 @@ def _answer(
     if k % law.every:
         ticks.gain[i] = ticks.gain[before]
     else:
-        if len(law.table):
-            tau1, tau2 = torque_at(law.table, k, loop.period_ns, law.torque_limit)
-            gain = math.nan
+        if law.open_loop:
+            tau1, tau2, gain = ticks.planned[i, 0], ticks.planned[i, 1], math.nan
         else:
             joints, deflection = (q[0], q[1], qd[0], qd[1]), (ends[0], ends[1])
             tau1, tau2, gain = transpose_law(
@@ -272,7 +272,7 @@ def _receive(sensor: Readout, way: Way, i: int, a: float, b: float, c: float, d:
 _RUN: dict[type, Any] = {Eq14Plant: run_eq14, FullPlant: run_full}
 _PARTS = (EncoderPart, TipSensorPart, TrajectoryPart, ControllerPart)
 _LAWS = (PdLaw, FlsLaw, OpenLoopLaw)
-_NO_TABLE, _NO_NOISE, _NO_SETTINGS = np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(1, SETTINGS)
+_NO_NOISE, _NO_PLAN, _NO_SETTINGS = np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(1, SETTINGS)
 
 
 class Kernel:
@@ -311,7 +311,7 @@ class Kernel:
         if loop.config is not self._config:
             self._config, self._record = loop.config, self._make_record()
         deliveries = self._plan(first, count)
-        ticks = self._make_ticks(count, *deliveries)
+        ticks = self._make_ticks(first, count, *deliveries)
         ends, torque = loop.plant.deflections(), loop.torque or (0.0, 0.0)
         done = self._run(self._plant_record, self._record, first, ends, torque, ticks)
         loop.plant.set_state(loop.plant.q, loop.plant.qd)  # and the deflections with it
@@ -333,12 +333,9 @@ class Kernel:
     def _make_record(self) -> LoopRecord:
         loop, law = self._loop, self._loop.law
         assert isinstance(law, (PdLaw, OpenLoopLaw))
-        every = self._controller.every
-        if isinstance(law, OpenLoopLaw):
-            limit = loop.config.controller.torque_limit
-            law_record = LawRecord(every, _NO_SETTINGS, law.table, limit)
-        else:
-            law_record = LawRecord(every, law.settings, _NO_TABLE, 0.0)
+        open_loop = isinstance(law, OpenLoopLaw)
+        settings = _NO_SETTINGS if isinstance(law, OpenLoopLaw) else law.settings
+        law_record = LawRecord(self._controller.every, open_loop, settings)
         return LoopRecord(
             loop.timeline.period_ns, loop.plant.limits, self._encoder.record(),
             self._tip.record(), self._tip.point.record(), self._reference.path.record,
@@ -352,14 +349,19 @@ class Kernel:
             self._controller.plan(first, count),
         )  # fmt: skip
 
-    def _make_ticks(self, count: int, encoder: Delivery, tip: Delivery, torque: Delivery) -> Ticks:
+    def _make_ticks(
+        self, first: int, count: int, encoder: Delivery, tip: Delivery, torque: Delivery
+    ) -> Ticks:
+        law = self._loop.law
+        planned = law.torques(first, count) if isinstance(law, OpenLoopLaw) else _NO_PLAN
         ticks = Ticks(
             np.empty((count, self._width)), _sensor_way(self._encoder, encoder),
             _sensor_way(self._tip, tip), np.empty((count, 4)),
             Way(torque.pool, torque.picks, _NO_NOISE, np.empty((count, 2))), np.empty(count),
+            planned,
         )  # fmt: skip
         if count:
-            ticks.torque.out[0], ticks.gain[0] = self._controller.out, self._loop.law.gain
+            ticks.torque.out[0], ticks.gain[0] = self._controller.out, law.gain
         return ticks
 
     def _make_block(
