@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import math
 from typing import Protocol
 
-from flexarm_ros.core.numerics.compiled import compiled, FloatArray
+from flexarm_ros.core.numerics.compiled import compiled, FloatArray, internal
 from flexarm_ros.core.parameters.sections import PlantParameters
 
 ACCURATE_PHASE = 0.2
@@ -139,7 +139,7 @@ def instability(plant: Plant) -> str | None:
     return f'deflection of link{link + 1}: {ends[link]:.6g} m, limit {limits[link]:.6g} m'
 
 
-@compiled
+@internal
 def is_stable(
     ends: tuple[float, float, float, float],
     limits: tuple[float, float],

@@ -76,6 +76,8 @@ def jacobian_torque(
 @internal
 def limited(torque: float, limit: float) -> float:
     """Return ``torque`` limited to +-``limit``, or unchanged for a limit of 0."""
-    if limit > 0.0:
-        return min(max(torque, -limit), limit)
+    if limit > 0.0 and torque > limit:
+        return limit
+    if limit > 0.0 and torque < -limit:
+        return -limit
     return torque
