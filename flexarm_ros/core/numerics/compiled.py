@@ -23,8 +23,9 @@ sqrt.
 
 Beside ``@compiled`` there are ``@internal`` for what only compiled code calls, ``@inlined``, and
 ``@allocating`` for what creates arrays.  Only the last counts references to arrays, whose code
-takes as long to compile as that of short functions themselves; elsewhere numba refuses code that
-creates an array or returns a new view.
+takes as long to compile as that of short functions themselves, and to run as the plant's step;
+elsewhere numba refuses code that creates an array or returns a new view.  Nor may such a function
+return an array that it was given: an allocating caller would count its references wrongly.
 
 :mod:`flexarm_ros.code_cache` determines the location of the cache.  An unreadable file in it
 (such as one truncated by a full disk) counts as absent and is rewritten.
