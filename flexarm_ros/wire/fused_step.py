@@ -68,7 +68,7 @@ from flexarm_ros.core.arm.kinematics import sensed_point, SensedPoint
 from flexarm_ros.core.arm.plant import is_stable, Plant
 from flexarm_ros.core.arm.plant_eq14 import Eq14Plant, Eq14Record, step_eq14
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw, transpose_law
-from flexarm_ros.core.numerics.compiled import bound, compiled, FloatArray, unlocked
+from flexarm_ros.core.numerics.compiled import bound, FloatArray, internal, unlocked
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run import part
 from flexarm_ros.core.run.make_plant import make_plant
@@ -95,12 +95,15 @@ class Message(NamedTuple):
     """
     A message in its buffer, for compiled code.
 
-    ``data``: the buffer; ``layout`` ``(2, n)``: constant bytes, and the mask of them;
+    ``data``: the buffer, ``words`` and ``stamp``: the same bytes, and those of the stamp, as
+    integers; ``layout`` ``(2, n)``: constant bytes, and the mask of them;
     ``first``, ``second``: elements of ``data`` where the codec's runs of ``count`` values begin,
     the same if it has one; ``exact``: whether the stamp is that of the tick.
     """
 
     data: FloatArray
+    words: NDArray[np.uint64]
+    stamp: NDArray[np.uint32]
     layout: NDArray[np.uint64]
     first: int
     second: int
@@ -131,20 +134,22 @@ class Buffer:
         self._decode = codec.decode
         starts = [(_HEADER + at) // 8 for at, _ in codec.runs] or [0]
         count = codec.runs[0][1] if codec.runs else 0
-        self.message = Message(self._data, layout, starts[0], starts[-1], count, not topic.late)
+        self.message = Message(
+            self._data, self._data.view(np.uint64), self._data.view(np.uint32)[2:4], layout,
+            starts[0], starts[-1], count, not topic.late,
+        )  # fmt: skip
 
     def decode(self) -> tuple[int, tuple[float, ...]]:
         """Return stamp (ns) and values of the message in the buffer."""
         return self._decode(self.bytes())
 
 
-@compiled
+@internal
 def is_plain(message: Message, due: int) -> bool:
     """Return whether a message has its codec's layout, a valid stamp and finite values."""
-    words, differ = message.data.view(np.uint64), np.uint64(0)
+    words, stamp, differ = message.words, message.stamp, np.uint64(0)
     for i in range(len(words)):
         differ |= (words[i] ^ message.layout[0, i]) & message.layout[1, i]
-    stamp = message.data.view(np.uint32)[2:4]
     found = np.int64(np.int32(stamp[0])) * _NS + np.int64(stamp[1])
     if differ != 0 or found > due or (message.exact and found != due):
         return False
@@ -154,21 +159,21 @@ def is_plain(message: Message, due: int) -> bool:
     return math.isfinite(total)
 
 
-@compiled
+@internal
 def four(message: Message) -> tuple[float, float, float, float]:
     """Return the first two values of both runs."""
     data, first, second = message.data, message.first, message.second
     return data[first], data[first + 1], data[second], data[second + 1]
 
 
-@compiled
+@internal
 def put_stamp(message: Message, stamp_ns: int) -> None:
     """Set the stamp of a message."""
-    stamp = message.data.view(np.uint32)[2:4]
+    stamp = message.stamp
     stamp[0], stamp[1] = stamp_ns // _NS, stamp_ns % _NS
 
 
-@compiled
+@internal
 def put_four(message: Message, stamp_ns: int, a: float, b: float, c: float, d: float) -> None:
     """Set the stamp and the first two values of both runs; of one run, to ``c`` and ``d``."""
     put_stamp(message, stamp_ns)
@@ -189,7 +194,7 @@ class SensorRecord(NamedTuple):
     point: SensedPoint
 
 
-@compiled
+@internal
 def measure(record: SensorRecord, k: int) -> bool:
     """Measure the state of tick ``k``."""
     state, readout = record.state, record.readout
@@ -220,7 +225,7 @@ class LawRecord(NamedTuple):
     settings: NDArray[np.void]
 
 
-@compiled
+@internal
 def control(record: LawRecord, k: int) -> bool:
     """Compute the torques of tick ``k``."""
     due, state = T0_NS + k * record.period_ns, record.state
@@ -284,14 +289,14 @@ def run_reference(
     link: Records, ports: Records, record: ReferenceRecord, k: int, until: int
 ) -> int:
     """Publish the references of ticks from ``k`` on, before ``until``; as `run_sensor`."""
-    sides = record.sides
+    sides, output = record.sides, len(ports) - 1
     while k < until:
         x, y, vx, vy = command_at(
             sides.times, sides.lines, sides.lap_ns, sides.smooth,
             k * record.period_ns - record.delay_ns,
         )  # fmt: skip
         put_four(record.reference, T0_NS + k * record.period_ns, x, y, vx, vy)
-        if not publish(link, ports, 0):
+        if not publish(link, ports, output):
             return k
         k += 1
     return k
@@ -301,8 +306,8 @@ class PlantRecord(NamedTuple):
     """
     The plant's messages, and the limits of its end deflections, m.
 
-    ``tick``: the number in the message of the plant's tick; ``clock_every``, ``tick_every``: ticks
-    between messages of the clock and of the tick.
+    ``tick``: the number in the message of the plant's tick; ``every``: ticks between messages of
+    the plant's tick, the state and the clock.
     """
 
     torque: Message
@@ -310,8 +315,7 @@ class PlantRecord(NamedTuple):
     clock: Message
     tick: NDArray[np.int64]
     period_ns: int
-    clock_every: int
-    tick_every: int
+    every: tuple[int, int, int]
     limits: tuple[float, float]
 
 
@@ -322,19 +326,19 @@ is unstable after this tick.  A positive number is that of the port that cannot 
 """
 
 
-@compiled
+@internal
 def await_torque(
     link: Records, ports: Records, record: PlantRecord, k: int
 ) -> tuple[bool, float, float]:
     """Return whether the torques of tick ``k`` have come and are valid, and the torques, N m."""
-    torque = record.torque
-    valid = collect(link, ports, 1) and is_plain(torque, T0_NS + k * record.period_ns)
+    torque, count = record.torque, len(ports) - len(record.every)
+    valid = collect(link, ports, count) and is_plain(torque, T0_NS + k * record.period_ns)
     if valid:
-        accept(ports, 1)
+        accept(ports, count)
     return valid, torque.data[torque.first], torque.data[torque.first + 1]
 
 
-@compiled
+@internal
 def after_step(
     link: Records, ports: Records, record: PlantRecord, q: FloatArray, qd: FloatArray, ends: Four,
     k: int, bound: int,
@@ -347,7 +351,7 @@ def after_step(
     return send_state(link, ports, record, q, qd, ends, k)
 
 
-@compiled
+@internal
 def send_state(
     link: Records, ports: Records, record: PlantRecord, q: FloatArray, qd: FloatArray, ends: Four,
     k: int,
@@ -364,14 +368,10 @@ def send_state(
     for i in range(n):
         data[first + i], data[second + i] = q[i], qd[i]
     data[first + n], data[first + n + 1], data[second + n], data[second + n + 1] = ends
-    if k % record.tick_every == 0:
-        record.tick[0] = k
-        if not publish(link, ports, 1):
-            return 1
-    if not publish(link, ports, 2):
-        return 2
-    if k % record.clock_every == 0 and not publish(link, ports, 3):
-        return 3
+    record.tick[0] = k
+    for i in range(1, len(ports)):
+        if k % record.every[i - 1] == 0 and not publish(link, ports, i):
+            return i
     return SENT
 
 
@@ -545,7 +545,8 @@ def plant_step(
     tick = TickBuffer()
     record = PlantRecord(
         command.message, state.message, clock.message, tick.value,
-        Timeline.of(config.run).period_ns, named[part.CLOCK].every, tick_every, plant.limits,
+        Timeline.of(config.run).period_ns, (tick_every, 1, named[part.CLOCK].every),
+        plant.limits,
     )  # fmt: skip
     return PlantStep(plant, record, command, (tick, state, clock))
 

@@ -39,7 +39,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm_ros.core.numerics.compiled import compiled, unlocked
+from flexarm_ros.core.numerics.compiled import internal, unlocked
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -108,7 +108,7 @@ def _call(_: Any, address: Any, arguments: Any) -> Any:
     return types.int32(address, arguments), generate
 
 
-@compiled
+@internal
 def wait_for(link: Records, port: Any) -> None:
     """Sleep until a subscription has a message, for a limited time."""
     here = link[0]
@@ -118,7 +118,7 @@ def wait_for(link: Records, port: Any) -> None:
         _call(here.reset_error, (0,))  # the time is over, or the take will fail as well
 
 
-@compiled
+@internal
 def take(link: Records, ports: Records, i: int) -> int:
     """
     Take the next message of port ``i`` and return the port's new state.
@@ -138,7 +138,7 @@ def take(link: Records, ports: Records, i: int) -> int:
     return port.state
 
 
-@compiled
+@internal
 def collect(link: Records, ports: Records, count: int) -> bool:
     """Read the messages of a tick to the first ``count`` ports; False if one is not there."""
     for i in range(count):
@@ -152,7 +152,7 @@ def collect(link: Records, ports: Records, count: int) -> bool:
     return True
 
 
-@compiled
+@internal
 def accept(ports: Records, count: int) -> None:
     """Regard the messages of the first ``count`` ports as used."""
     for i in range(count):
@@ -171,7 +171,7 @@ def take_rows(link: Records, ports: Records, rows: NDArray[np.uint8]) -> int:
     return len(rows)
 
 
-@compiled
+@internal
 def publish(link: Records, ports: Records, i: int) -> bool:
     """Publish the message of port ``i``; whether that has succeeded."""
     here = link[0]
@@ -182,7 +182,7 @@ def publish(link: Records, ports: Records, i: int) -> bool:
     return True
 
 
-@compiled
+@internal
 def progress(link: Records) -> bool:
     """Note the time of a tick; whether a loop may begin the next one."""
     here = link[0]
