@@ -22,11 +22,11 @@ import ctypes
 import json
 import os
 from pathlib import Path
+import select
 import signal
 import subprocess
 import sys
 import threading
-import time
 
 from flexarm_ros import code_cache
 from flexarm_ros.nodes.classes import MODULES
@@ -57,11 +57,16 @@ class Adopted:
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait for the end; raises subprocess.TimeoutExpired after ``timeout`` seconds."""
-        deadline = None if timeout is None else time.monotonic() + timeout
-        while (status := self._wait(0 if deadline is None else os.WNOHANG)) is None:
-            if deadline is not None and time.monotonic() >= deadline:
-                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout or 0.0)
-            time.sleep(0.005)
+        if timeout is not None and self.poll() is None:
+            ended = os.pidfd_open(self.pid)  # polling would disturb the nodes
+            try:
+                select.select([ended], [], [], timeout)
+            finally:
+                os.close(ended)
+            if self.poll() is None:
+                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
+        status = self._wait(0)
+        assert status is not None
         return status
 
     def _wait(self, options: int) -> int | None:
