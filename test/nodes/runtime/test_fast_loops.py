@@ -27,6 +27,7 @@ from flexarm_ros.core.run.make_plant import make_plant
 from flexarm_ros.core.run.parts import part_of
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.fast_path import FastPath
+from flexarm_ros.nodes.runtime.topics import rcl_ports
 from flexarm_ros.wire.fused_step import (
     answer_step,
     DUE,
@@ -35,6 +36,7 @@ from flexarm_ros.wire.fused_step import (
     SENT,
     UNSTABLE,
 )
+from flexarm_ros.wire.rcl_calls import LINK
 from flexarm_ros.wire.topics import per_tick_topics, Topic
 import pytest
 from rcltools import Endpoint, Rcl, Taken
@@ -231,3 +233,24 @@ def test_the_plant_ends_where_it_becomes_unstable(rcl: Rcl) -> None:
     assert loop.run(0, loop.ticks - 1) == (expected - 1, UNSTABLE)
     assert len(loop.outputs['plant/state'].published) == expected - 1
     assert loop.plant.q.tolist() == there.q.tolist()
+
+
+def test_an_unknown_rclpy_leaves_every_message_to_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = rcl_ports._functions.__wrapped__
+    rcl = Rcl(monkeypatch)
+    for found in ('11.0.1', '70.1'):
+        monkeypatch.setattr(rcl_ports, 'version', lambda _, found=found: found)
+        monkeypatch.setattr(rcl_ports, '_functions', find)
+        assert not rcl_ports.known()
+        loop = Loop(rcl, 'encoder', 'fls_tip')
+        now = time.monotonic()
+        assert loop.path.run is None
+        assert not loop.path.enter(0, now, now + LIMIT_S)
+        loop.path.stop()
+        assert loop.path.ticks == 0
+
+
+@pytest.mark.parametrize('name', ['7.1.6', '9.1.2'])
+def test_the_known_versions_of_rclpy(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr(rcl_ports, 'version', lambda _: name)
+    assert set(rcl_ports._functions.__wrapped__()) < set(LINK.names or ())
