@@ -88,6 +88,7 @@ os.environ.setdefault('SOURCE_DATE_EPOCH', '315532800')
 
 REQUIREMENTS = [
     'PyYAML',
+    'llvmlite',  # numba's compiler: the calls of rcl in compiled code are made with it
     'lz4',
     'matplotlib>=3.5',
     'mcap',

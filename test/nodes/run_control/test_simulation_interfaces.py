@@ -107,6 +107,13 @@ class Plant:
     def under_way(self) -> bool:
         return self.board.mine.phase in (status.Phase.RUNNING, status.Phase.PAUSED)
 
+    @property
+    def present_tick(self) -> int:
+        return self.tick
+
+    def return_soon(self) -> None:
+        """Nothing is compiled here."""
+
     def get_parameter(self, _: str) -> Any:
         return SimpleNamespace(value=0.0)
 

@@ -121,3 +121,13 @@ def test_progress_restarts_the_limit_and_keeps_the_longest_wait(me: FakeMember) 
     assert 2.0 <= me.longest_wait_s < 10.0
     me.peers.put('controller', Phase.JOINING)
     me.waiting.check_ready(time.monotonic() + START - 1.0)
+
+
+def test_ticks_of_the_fast_path_are_progress(me: FakeMember) -> None:
+    now = begun(me)
+    me.waiting.advanced(now + 3.0, 0.7)
+    me.waiting.advanced(now, 0.1)  # nothing new
+    assert (me.waiting.since, me.longest_wait_s) == (now + 3.0, 0.7)
+    me.waiting.check_running(now + 3.0 + TICK)
+    with pytest.raises(RunFailed, match='within 5 s'):
+        me.waiting.check_running(now + 3.0 + TICK + 2.0)
