@@ -224,7 +224,7 @@ def _answer(
     for j in range(4):
         ticks.reference[i, j] = reference[j]
     law, way, before = loop.law, ticks.torque, max(i - 1, 0)
-    if k % law.every:
+    if law.every > 1 and k % law.every:
         ticks.gain[i] = ticks.gain[before]
     else:
         if law.open_loop:

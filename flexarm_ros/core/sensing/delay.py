@@ -123,12 +123,14 @@ def through_ring(
     size = ring.shape[0]
     here = k % size
     ring[here, 0], ring[here, 1], ring[here, 2], ring[here, 3] = a, b, c, d
-    newer = max(k - whole, 0) % size
-    older = max(k - whole - 1, 0) % size
+    # One division: `whole` is less than the size of the ring.  Before tick 0 is tick 0.
+    newer = here - whole if here >= whole else here - whole + size
+    newer = newer if k >= whole else 0
     # For a whole number of ticks the sample itself is delivered, bit for bit.
     if part == 0.0:
         return ring[newer, 0], ring[newer, 1], ring[newer, 2], ring[newer, 3]
-    rest = 1.0 - part
+    older = newer - 1 if newer > 0 else size - 1
+    older, rest = older if k > whole else 0, 1.0 - part
     return (
         rest * ring[newer, 0] + part * ring[older, 0],
         rest * ring[newer, 1] + part * ring[older, 1],
