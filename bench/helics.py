@@ -39,8 +39,8 @@ from flexarm_ros.core.run.parts import roles
 from flexarm_ros.nodes.runtime.topics.graph import readers
 from flexarm_ros.wire.topics import per_tick_topics
 
-TICKS = 2000
-ROUNDS = 3
+TICKS = 4000
+ROUNDS = 5
 GOAL = 2.5
 LIMIT_S = 120.0
 PERIOD = 0.001

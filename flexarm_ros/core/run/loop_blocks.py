@@ -26,7 +26,7 @@ from flexarm_ros.core.run.parts import place
 from flexarm_ros.core.run.state import Block
 import numpy as np
 
-BLOCK_TICKS = 512
+BLOCK_TICKS = 1024
 _CLOCK, _STATE = place(CLOCK), place(STATE)
 
 Stamped = tuple[int, tuple[float, ...]]
