@@ -41,6 +41,9 @@ import tempfile
 from flexarm_ros import numba_import  # noqa: F401  # brings the modules whose versions count
 
 PACKAGE = Path(__file__).resolve().parent
+COMPILED = ('core', 'wire', 'identification')
+"""Folders with compiled functions."""
+
 COMPILERS = ('numba', 'llvmlite', 'numpy')
 PREFIX = 'compiled-'
 KEPT = 4
@@ -89,13 +92,13 @@ def tell(text: str) -> None:
 
 
 def key() -> str:
-    """Return the digest that names a state of the core's source and its compilers."""
+    """Return the digest that names a state of the compiled source and its compilers."""
     digest = hashlib.sha256(sys.version.encode())
     for name in COMPILERS:
         digest.update(f'{name} {sys.modules[name].__version__}\n'.encode())
-    core = PACKAGE / 'core'
-    for path in sorted(core.rglob('*.py')):
-        digest.update(path.relative_to(core).as_posix().encode() + b'\0')
+    # numba itself notices a change of the file of a function, but not of those that it calls.
+    for path in sorted(path for name in COMPILED for path in (PACKAGE / name).rglob('*.py')):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode() + b'\0')
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:24]
 

@@ -28,7 +28,7 @@ from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.fast_path import FastPath
 from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
-from flexarm_ros.wire.fused_step import answer_step, FusedStep
+from flexarm_ros.wire.fused_step import answer_step, compile_loop, FusedStep
 from flexarm_ros.wire.topics import per_tick_topics
 
 
@@ -74,6 +74,8 @@ class AnsweringNode(Participant):
         self._step: FusedStep | None = None
         if self.alone:  # composed nodes hand over values
             self._step = answer_step(self._part, reads, writes, self.timeline.period_ns)
+        if self._step is not None:
+            compile_loop(self._step)
         self.fast = None
 
     def advance(self) -> bool:
@@ -108,11 +110,15 @@ class AnsweringNode(Participant):
             self.fast = FastPath(step, self._reads, handles, waiter)
         if not self.fast.enter(first, self.waiting.since, until):
             return
+        refused = False
         if not self.live.waiting:
-            self.tick = self.fast.run(first, self.final_tick)
+            self.tick, refused = self.fast.run(first, self.final_tick)
         self.fast.leave(self.tick, self.waiting)
         if self.tick > first:
             step.leave()
+        if refused:  # rclpy raises the reason
+            (output,) = self.outputs.values()
+            output.publish(step.outputs[0].bytes())
 
     def _views(self, values: list[Any]) -> list[Any]:
         """Return the values of each input's message in the form that parts expect."""

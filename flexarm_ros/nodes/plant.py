@@ -42,7 +42,7 @@ from flexarm_ros.nodes.runtime.progress import ProgressInput, ProgressOutput
 from flexarm_ros.nodes.runtime.topics.channels import Input, Output
 from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC, TICK_EVERY, TICK_TOPIC
-from flexarm_ros.wire.fused_step import plant_step, PlantStep, SENT, UNSTABLE
+from flexarm_ros.wire.fused_step import compile_loop, plant_step, PlantStep, SENT, UNSTABLE
 from flexarm_ros.wire.topics import applied, per_tick_topics, TIMING, Topic
 
 RECORDER_WINDOW = 256
@@ -115,8 +115,10 @@ class PlantNode(Participant):
         if self.alone:
             topics = per_tick_topics(self.config)
             self._fused = plant_step(self.plant, self.config, topics, TICK_EVERY)
+            if self._fused is not None:
+                compile_loop(self._fused)
         self.fast = None
-        self._sent = False
+        self._sent = self._behind = False
         self._reported_hold = False
 
     def _free_run(self) -> FreeRun | None:
@@ -185,25 +187,32 @@ class PlantNode(Participant):
 
     def advance_fast(self, waiter: Waiter, until: float) -> None:
         """Integrate and publish by the fused step."""
-        if self._fused is None or not self._sent or self.tick >= self.final_tick:
+        if self._fused is None or not self._sent:
             return
         if self.fast is None:
             publishers = (each.publisher for each in (self._reached, self._state, self._time))
             handles = [publisher.handle for publisher in publishers]
             self.fast = FastPath(self._fused, self._read, handles, waiter)
-        if not self.fast.enter(self.tick, self.waiting.since, until):
-            return
-        self.tick, end = self.fast.run(self.tick, self._bound())
+        while self._run_fused(self.fast, self._fused, until) and time.monotonic() < until:
+            pass
+
+    def _run_fused(self, fast: FastPath, fused: PlantStep, until: float) -> bool:
+        """Integrate and publish up to a tick that is left to Python; whether it is published."""
+        if self.tick >= self.final_tick or not fast.enter(self.tick, self.waiting.since, until):
+            return False
+        self.tick, end = fast.run(self.tick, self._bound())
         self._sent = end >= SENT
         self.plant.set_state(self.plant.q, self.plant.qd)  # and the deflections with it
-        self.fast.leave(self.tick + (end == UNSTABLE), self.waiting)
+        fast.leave(self.tick + (end == UNSTABLE), self.waiting)
         if end == UNSTABLE:
             self._end_unstable(instability(self.plant) or '')
         elif end > SENT:
-            self._send_again(end, self._fused)
+            self._send_again(end, fused)
         elif not self._sent and not self._held(self.tick):
             self._send()
             self._sent = True
+            return True
+        return False
 
     def _bound(self) -> int:
         """Return the tick that the fast path integrates to, which it leaves to Python."""
@@ -305,7 +314,8 @@ class PlantNode(Participant):
         """Whether ``tick`` must wait for the launcher, the recorder or the wall clock."""
         if self._holds and tick >= self._holds[0]:
             return self._held_by_launcher()
-        return self._ahead_of_recorder(self._window) or not self.control.may_begin(tick)
+        self._behind = self._ahead_of_recorder(self._window)
+        return self._behind or not self.control.may_begin(tick)
 
     def _ahead_of_recorder(self, ticks: int) -> bool:
         """Whether at least ``ticks`` published ticks are not recorded yet."""
@@ -379,15 +389,15 @@ class PlantNode(Participant):
         longest = super().max_sleep_s(now)
         if not self.under_way or (self._sent and self._free is None):
             return longest
-        if self._ahead_of_recorder(self._window):
-            return longest  # its progress wakes this node
+        if self._behind:
+            return longest  # the recorder's progress wakes this node
         return self.control.max_sleep_s(self._following, now, longest)
 
     def blocked_on(self) -> list[Any]:
         """Wait for the torque, or for the recorder's progress if too far ahead of it."""
         if not self.under_way or (self._sent and self._free is None):
             return super().blocked_on()
-        return [self._recorded.handle] if self._ahead_of_recorder(self._window) else []
+        return [self._recorded.handle] if self._behind else []
 
     def waiting_for(self) -> tuple[str, str]:
         """Return the recorder if the plant waits for it, else the controller."""

@@ -36,6 +36,7 @@ from flexarm_ros.nodes.runtime.participant import Participant
 from flexarm_ros.nodes.runtime.progress import ProgressOutput
 from flexarm_ros.nodes.runtime.topics.channels import Input
 from flexarm_ros.nodes.runtime.topics.graph import RECORDED_TOPIC
+from flexarm_ros.wire.rcl_calls import warm_up_blocks
 from flexarm_ros.wire.topics import applied, Topic
 
 _LOOK_S = 0.02
@@ -89,6 +90,10 @@ class RecorderNode(Participant):
         self._written = 0
         self._waiting: list[list[bytes]] = [[] for _ in self._entries]
         self.supervisor.report(self.ROLE, directory=str(self._recording.directory))
+
+    def warm_up(self) -> None:
+        """Load what takes the messages."""
+        warm_up_blocks()
 
     def _directory(self) -> Path:
         """Return the output directory: the parameter ``output``, else a new one."""

@@ -82,7 +82,16 @@ from flexarm_ros.core.sensing.sensors import Encoder, read_out, Readout, TipSens
 from flexarm_ros.core.timeline import T0_NS, Timeline
 from flexarm_ros.core.trajectory import command_at, Reference, Sides
 from flexarm_ros.wire.cdr import Codec
-from flexarm_ros.wire.rcl_calls import accept, collect, LINK, PORT, progress, publish, Records
+from flexarm_ros.wire.rcl_calls import (
+    accept,
+    collect,
+    LINK,
+    PORT,
+    progress,
+    publish,
+    Records,
+    warm_up_blocks,
+)
 from flexarm_ros.wire.topics import per_tick_topics, Topic
 import numpy as np
 from numpy.typing import NDArray
@@ -244,35 +253,39 @@ def control(record: LawRecord, k: int) -> bool:
 
 
 @unlocked
-def run_sensor(link: Records, ports: Records, record: SensorRecord, k: int, last: int) -> int:
+def run_sensor(
+    link: Records, ports: Records, record: SensorRecord, k: int, last: int
+) -> tuple[int, bool]:
     """
-    Answer ticks from ``k`` on, before ``last``; return the first that is not answered.
+    Answer ticks from ``k`` on, before ``last``.
 
-    ``ports``: inputs as `flexarm_ros.wire.rcl_calls.collect` reads them, then the output.
+    Returns the first tick that is not answered, and whether the last answer could not be
+    published.  ``ports``: inputs as `flexarm_ros.wire.rcl_calls.collect` reads them, then the
+    output.
     """
     output = len(ports) - 1
     while k < last and collect(link, ports, output) and measure(record, k):
-        if not publish(link, ports, output):
-            return k
+        sent = publish(link, ports, output)
         accept(ports, output)
         k += 1
-        if not progress(link):
-            return k
-    return k
+        if not (progress(link) and sent):
+            return k, not sent
+    return k, False
 
 
 @unlocked
-def run_law(link: Records, ports: Records, record: LawRecord, k: int, last: int) -> int:
+def run_law(
+    link: Records, ports: Records, record: LawRecord, k: int, last: int
+) -> tuple[int, bool]:
     """Do the same as `run_sensor` for the controller."""
     output = len(ports) - 1
     while k < last and collect(link, ports, output) and control(record, k):
-        if not publish(link, ports, output):
-            return k
+        sent = publish(link, ports, output)
         accept(ports, output)
         k += 1
-        if not progress(link):
-            return k
-    return k
+        if not (progress(link) and sent):
+            return k, not sent
+    return k, False
 
 
 class ReferenceRecord(NamedTuple):
@@ -426,15 +439,15 @@ class FusedStep:
     """
 
     def __init__(
-        self, loop: Callable[..., int], record: SensorRecord | LawRecord | ReferenceRecord,
+        self, loop: Callable[..., Any], record: SensorRecord | LawRecord | ReferenceRecord,
         inputs: Sequence[Buffer], output: Buffer, sensor: Encoder | TipSensor | None = None,
     ) -> None:  # fmt: skip
         self.record, self.inputs, self.outputs = record, inputs, (output,)
         self._loop, self._sensor = loop, sensor
 
-    def bind(self, link: Records, ports: Records) -> Callable[[int, int], int]:
-        """Return ``run(k, last)``; see `run_sensor`."""
-        run: Callable[[int, int], int] = bound(
+    def bind(self, link: Records, ports: Records) -> Callable[[int, int], Any]:
+        """Return ``run(k, last)``; see `run_sensor` and `run_reference`."""
+        run: Callable[[int, int], Any] = bound(
             self._loop, link, ports, self.record, example=(0, 0)
         )
         return run
@@ -551,6 +564,11 @@ def plant_step(
     return PlantStep(plant, record, command, (tick, state, clock))
 
 
+def compile_loop(step: FusedStep | PlantStep) -> None:
+    """Compile the loop of a step, or load it from the cache, before a tick waits for it."""
+    step.bind(np.zeros(1, LINK), np.zeros(1, PORT))
+
+
 def warm_up_nodes(config: RunConfig) -> None:
     """Compile what the nodes of a scenario call, loop and steps, or load it from the cache."""
     warm_up(config)
@@ -562,4 +580,5 @@ def warm_up_nodes(config: RunConfig) -> None:
         writes = [topic for topic in topics if topic.node == kind.NAME]
         steps.append(answer_step(kind(config), reads, writes, period_ns))
     for step in filter(None, steps):
-        step.bind(np.zeros(1, LINK), np.zeros(1, PORT))
+        compile_loop(step)
+    warm_up_blocks()

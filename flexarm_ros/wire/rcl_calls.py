@@ -171,6 +171,11 @@ def take_rows(link: Records, ports: Records, rows: NDArray[np.uint8]) -> int:
     return len(rows)
 
 
+def warm_up_blocks() -> None:
+    """Compile `take_rows`, or load it from the cache."""
+    take_rows(np.zeros(1, LINK), np.zeros(1, PORT), np.empty((0, 1), np.uint8))
+
+
 @internal
 def publish(link: Records, ports: Records, i: int) -> bool:
     """Publish the message of port ``i``; whether that has succeeded."""

@@ -83,7 +83,7 @@ class Diagnostics:
         """Return phase, tick and speed since the last report."""
         me = self._me
         timeline = Timeline.of(me.config.run)
-        now, tick = time.monotonic(), me.tick
+        now, tick = time.monotonic(), me.present_tick
         elapsed, ticks = now - self._last[0], max(0, tick - self._last[1])
         self._last = (now, tick)
         longest, me.longest_wait_s = me.longest_wait_s, 0.0
@@ -91,7 +91,7 @@ class Diagnostics:
         return {
             'phase': me.board.mine.phase.value,
             'tick': str(tick),
-            'ticks on the fast path': str(me.fast_ticks),
+            'ticks on the fast path': str(me.fast_ticks + tick - me.tick),
             'ticks of the run': str(timeline.ticks),
             'real-time factor': f'{factor:.3f}',
             'tick latency mean (ms)': f'{1e3 * elapsed / ticks:.3f}' if ticks else '',

@@ -56,14 +56,16 @@ def _spin_alone(participant: Participant) -> None:
     waiter = Waiter(participant.context)
     board, next_look = participant.board, 0.0
     while True:
-        if participant.drive() and participant.run_on(waiter, next_look):
-            continue
+        again = participant.drive() and participant.run_on(waiter, next_look)
         now = time.monotonic()
         if now >= next_look:
             participant.poll_peers(now)
             next_look = now + participant.look_interval
+            again = True  # the poll may have read a message of this tick, which wakes nobody now
         if participant.finished:
             return
+        if again:
+            continue
         pause = min(next_look - now, participant.max_sleep_s(now))
         waiter.wait(participant.blocked_on(), int(pause * 1e9))
         if not board.going:

@@ -86,6 +86,7 @@ class Loop:
         else:
             step = answer_step(kind(self.config), self.reads, self.writes, period_ns)
         assert step is not None
+        self.step = step
         self.path = FastPath(step, self.entries, handles, rcl)  # type: ignore[arg-type]
 
     def message(self, topic: Topic, tick: int) -> bytes:
@@ -132,7 +133,7 @@ def test_an_answering_node_publishes_the_bytes_of_a_simulation(
     rcl: Rcl, role: str, case: tuple[str, ...]
 ) -> None:
     loop = Loop(rcl, role, *case)
-    assert loop.run(0, loop.ticks) == loop.ticks
+    assert loop.run(0, loop.ticks) == (loop.ticks, False)
     for topic in loop.writes:
         assert loop.outputs[topic.name].published == loop.expected(topic, 0, loop.ticks)
     assert rcl.waits == [loop.inputs[0]] * loop.ticks  # one wait a tick, for the last to come
@@ -181,7 +182,7 @@ def test_a_loop_ends_where_a_message_is_missing(rcl: Rcl, role: str) -> None:
     kept = [loop.inputs[-1].left.pop() for _ in range(loop.ticks - 20)]
     assert kept
     end = loop.run(0, loop.ticks - 1)
-    assert end == ((20, SENT) if role == 'plant' else 20)
+    assert end == (20, SENT if role == 'plant' else False)
     topic = next(t for t in loop.writes if t.name != '/clock')
     first = 1 if role == 'plant' else 0
     assert loop.outputs[topic.name].published == loop.expected(
@@ -199,16 +200,19 @@ def test_a_loop_ends_when_it_is_asked_to(rcl: Rcl, role: str) -> None:
             loop.path.stop()
 
     rcl.on_wait = at_tick_7
-    assert loop.run(0, loop.ticks - 1) == ((7, DUE) if role == 'plant' else 7)
-    assert loop.run(7, loop.ticks - 1, until_s=0.0) == ((8, DUE) if role == 'plant' else 8)
+    assert loop.run(0, loop.ticks - 1) == (7, DUE if role == 'plant' else False)
+    assert loop.run(7, loop.ticks - 1, until_s=0.0) == (8, DUE if role == 'plant' else False)
 
 
 def test_a_message_that_cannot_be_published_is_left_to_python(rcl: Rcl) -> None:
-    loop = Loop(rcl, 'encoder', 'fls_tip')
+    loop = Loop(rcl, 'tip_sensor', 'fls_tip', 'tip_sensor.latency_model=pade2')
     (output,) = loop.outputs.values()
     output.refusals = 1
-    assert loop.run(0, loop.ticks) == 0
+    assert loop.run(0, loop.ticks) == (1, True)
     assert output.published == []
+    assert loop.step.outputs[0].bytes() == loop.message(loop.writes[0], 0)
+    assert loop.run(1, loop.ticks) == (loop.ticks, False)  # nothing is measured twice
+    assert output.published == loop.expected(loop.writes[0], 1, loop.ticks)
 
 
 @pytest.mark.parametrize(('place', 'end'), [(0, 1), (1, 2), (2, 3)])
@@ -254,3 +258,8 @@ def test_an_unknown_rclpy_leaves_every_message_to_python(monkeypatch: pytest.Mon
 def test_the_known_versions_of_rclpy(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setattr(rcl_ports, 'version', lambda _: name)
     assert set(rcl_ports._functions.__wrapped__()) < set(LINK.names or ())
+
+
+def test_code_that_is_not_compiled_calls_no_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rcl_ports._config, 'DISABLE_JIT', 1)
+    assert rcl_ports._functions.__wrapped__() == {}

@@ -88,7 +88,7 @@ def receive(
                 answers.append(entry.data)
                 tick += 1
             while fast and path.enter(tick, time.monotonic(), time.monotonic() + LIMIT_S):
-                before, tick = tick, path.run(tick, tick + 1)
+                before, (tick, _) = tick, path.run(tick, tick + 1)
                 path.leave(tick, WAITING)
                 if tick == before:
                     break

@@ -32,11 +32,13 @@ from typing import Any, Protocol
 import weakref
 
 from flexarm_ros.wire.rcl_calls import BUFFER, CAPACITY, LENGTH, LINK, PORT, Records, take_rows
+import numba
 import numpy as np
 
 _KNOWN = ('7.', '9.')
 """Versions of rclpy (Jazzy, Kilted) with the structures of `flexarm_ros.wire.rcl_calls`."""
 
+_config: Any = numba.config
 _UNNUMBERED = -1
 """Sequence number where the middleware has none (UINT64_MAX)."""
 
@@ -87,7 +89,7 @@ def _functions() -> dict[str, int]:
     """Return the addresses of the functions by their names in `LINK`; empty if unknown."""
     try:
         known = version('rclpy').startswith(_KNOWN)
-        if not known or sys.platform != 'linux' or sys.maxsize < 2**32:
+        if not known or _config.DISABLE_JIT or sys.platform != 'linux' or sys.maxsize < 2**32:
             return {}
         return {
             name: _address(getattr(_library(library), symbol))
