@@ -35,7 +35,7 @@ from flexarm_ros.bag.tables.export import export, NO_PYARROW
 from flexarm_ros.bag.writer import BagWriter
 from flexarm_ros.cli import main
 from flexarm_ros.core.run.loop import ClosedLoop
-from flexarm_ros.core.run.loop_blocks import loop_blocks
+from flexarm_ros.core.run.loop_blocks import BLOCK_TICKS, loop_blocks
 from flexarm_ros.core.run.results.metric_list import METRICS, NAMES
 from flexarm_ros.core.run.results.metrics import Metrics
 from flexarm_ros.wire.topics import COMMAND, per_tick_topics, STATE
@@ -143,7 +143,7 @@ def test_marked_incomplete_until_the_end(tmp_path: Path) -> None:
         assert not (directory / 'trajectory.csv').exists()
 
     simulate(small_config(duration=1.2), directory, watch=watch)
-    assert seen == [(k, 1200, False, None, None) for k in (512, 1024, 1200)]
+    assert seen == [(k, 1200, False, None, None) for k in (BLOCK_TICKS, 1200)]
     assert json.loads((directory / 'summary.json').read_text())['complete'] is True
     assert sorted(p.name for p in directory.iterdir()) == [
         'bag', 'summary.json', 'trajectory.csv',
@@ -162,8 +162,8 @@ def test_unstable_and_interrupted(tmp_path: Path) -> None:
     summary = simulate(small_config(duration=1.2), tmp_path / 'b', stop=lambda: True)
     assert summary['stable'] is None
     assert summary['complete'] is False
-    assert summary['ticks'] == 512
-    assert 'interrupted at tick 512' in summary['problem']
+    assert summary['ticks'] == BLOCK_TICKS
+    assert f'interrupted at tick {BLOCK_TICKS}' in summary['problem']
     assert json.loads((tmp_path / 'b' / 'summary.json').read_text()) == summary
 
 
