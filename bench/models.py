@@ -25,10 +25,21 @@ from flexarm_ros import scenario
 from flexarm_ros.core.arm.plant_eq14 import _acceleration, Eq14Matrices
 from flexarm_ros.core.control.fls import fls_lambda
 from flexarm_ros.core.control.fls_definition import build, INPUTS, OUTPUT
+from flexarm_ros.core.numerics.compiled import compiled
 from flexarm_ros.core.run.make_plant import make_plant
 import numpy as np
 from scipy.integrate import solve_ivp
 from skfuzzy import control
+
+
+@compiled
+def acceleration(
+    q: Any, qd: Any, tau1: float, tau2: float, mass: Any, diagonals: Any, coupling: float,
+    matrix: Any, out: Any,
+) -> None:  # fmt: skip
+    """Call the plant's right-hand side, which has no entry from Python."""
+    _acceleration(q, qd, tau1, tau2, mass, diagonals, coupling, matrix, out)
+
 
 SECONDS = 1.0
 TORQUE = (60.0, -20.0)
@@ -112,7 +123,7 @@ def _steps() -> tuple[list[Ratio], list[tuple[str, ...]]]:
     )  # fmt: skip
 
     def slope(_: float, state: Any) -> Any:
-        _acceleration(state[:size], state[size:], *TORQUE, *work)
+        acceleration(state[:size], state[size:], *TORQUE, *work)
         return np.concatenate([state[size:], work[4]])
 
     def ours() -> Any:
