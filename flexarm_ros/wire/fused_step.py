@@ -69,6 +69,7 @@ from flexarm_ros.core.arm.plant import is_stable, Plant
 from flexarm_ros.core.arm.plant_eq14 import Eq14Plant, Eq14Record, step_eq14
 from flexarm_ros.core.control.pd import FlsLaw, PdLaw, transpose_law
 from flexarm_ros.core.numerics.compiled import bound, FloatArray, internal, unlocked
+from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.parameters.sections import RunConfig
 from flexarm_ros.core.run import part
 from flexarm_ros.core.run.make_plant import make_plant
@@ -89,7 +90,6 @@ from flexarm_ros.wire.rcl_calls import (
     PORT,
     progress,
     publish,
-    Records,
     warm_up_blocks,
 )
 from flexarm_ros.wire.topics import per_tick_topics, Topic

@@ -40,14 +40,13 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm_ros.core.numerics.compiled import internal, unlocked
+from flexarm_ros.core.numerics.records import Records
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 import numpy as np
 from numpy.typing import NDArray
-
-Records = NDArray[np.void]
 
 LINK = np.dtype(
     [

@@ -32,6 +32,8 @@ from flexarm_ros.nodes.runtime.topics.channels import Input
 from flexarm_ros.nodes.runtime.topics.endpoints import Waiter
 from flexarm_ros.nodes.runtime.waiting import Waiting
 from flexarm_ros.wire.fused_step import FusedStep, PlantStep
+from flexarm_ros.wire.rcl_calls import PORT
+import numpy as np
 
 _LONGEST_NS = int(HOUSEKEEPING_S * 1e9)
 
@@ -55,7 +57,7 @@ class FastPath:
         pairs = list(zip(inputs, step.inputs, strict=True))
         pairs.sort(key=lambda pair: not pair[0].topic.ahead)
         self._entries = [entry for entry, _ in pairs]
-        ports = self._ports = rcl_ports.make_ports(len(inputs) + len(outputs))
+        ports = self._ports = np.zeros(len(inputs) + len(outputs), PORT)
         link = rcl_ports.make_link(waiter.address if waiter is not None else 0, _LONGEST_NS)
         if link is None:
             return

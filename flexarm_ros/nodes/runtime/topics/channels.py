@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterable, Sequence
 import math
 from typing import Any
 
+from flexarm_ros.core.numerics.records import Records
 from flexarm_ros.core.timeline import Timeline
 from flexarm_ros.nodes.runtime.errors import RunFailed
 from flexarm_ros.nodes.runtime.joining.status import printable
@@ -33,7 +34,7 @@ from flexarm_ros.nodes.runtime.topics.endpoints import HOT, NO_OVERRIDES
 from flexarm_ros.nodes.runtime.topics.graph import message_class, qos_profile
 from flexarm_ros.nodes.runtime.topics.identity import gid_of, node_of, SenderInfo
 from flexarm_ros.nodes.runtime.topics.rcl_ports import BlockReader, message_of
-from flexarm_ros.wire.rcl_calls import EMPTY, READ, Records
+from flexarm_ros.wire.rcl_calls import EMPTY, READ
 from flexarm_ros.wire.topics import Topic
 import numpy as np
 from rclpy.node import Node

@@ -31,7 +31,8 @@ from types import SimpleNamespace
 from typing import Any, Protocol
 import weakref
 
-from flexarm_ros.wire.rcl_calls import BUFFER, CAPACITY, LENGTH, LINK, PORT, Records, take_rows
+from flexarm_ros.core.numerics.records import Records
+from flexarm_ros.wire.rcl_calls import BUFFER, CAPACITY, GID, LENGTH, LINK, PORT, take_rows
 import numba
 import numpy as np
 
@@ -121,11 +122,6 @@ def make_link(wait_set: int, timeout_ns: int) -> Records | None:
     return link
 
 
-def make_ports(count: int) -> Records:
-    """Return ports without endpoints."""
-    return np.zeros(count, PORT)
-
-
 def open_input(port: Records, handle: Any, buffer: Target, owner: object) -> None:
     """
     Let a port, an array of one, take from rclpy's ``handle`` of a subscription to ``buffer``.
@@ -153,7 +149,7 @@ class BlockReader:
     """Takes many messages of one size from the subscription ``handle`` in one call."""
 
     def __init__(self, handle: Any, size: int) -> None:
-        self.port, self._link = make_ports(1), make_link(0, 0)
+        self.port, self._link = np.zeros(1, PORT), make_link(0, 0)
         self._rows = np.empty((_MOST_ROWS, size), np.uint8)
         rows: Target = SimpleNamespace(size=size, address=0)
         open_input(self.port, handle, rows, self)
@@ -181,4 +177,4 @@ def _info(data: bytes, gid: bool) -> dict[str, Any]:
         'publication_sequence_number': None if number == _UNNUMBERED else number,
         'reception_sequence_number': None if reception == _UNNUMBERED else reception,
     }
-    return {**info, 'publisher_gid': {'data': data[40:56]}} if gid else info
+    return {**info, 'publisher_gid': {'data': data[8 * GID :][:16]}} if gid else info
